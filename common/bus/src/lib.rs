@@ -1,0 +1,1 @@
+//! The shell of every stillmap process, and the one home of iceoryx2.

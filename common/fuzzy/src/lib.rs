@@ -1,0 +1,1 @@
+//! Fuzzy inference (paper eq. 1): partitions, rule tables, centre-average defuzzifier.

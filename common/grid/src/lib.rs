@@ -1,0 +1,1 @@
+//! The unbounded tiled lattice that maps are made of.

@@ -1,0 +1,41 @@
+//! The header of every message.
+
+use crate::layout::plain;
+
+plain! {
+    /// Stands before every payload: where in its stream a message is, and of which run.
+    pub struct Header {
+        /// The run of the deployment; messages of an earlier run are never mistaken for this one's.
+        pub run: u64,
+        /// Place in the source stream, from 1. A service that answers a stream uses the number it answers.
+        pub seq: u64,
+        /// Sensor time of what the payload tells.
+        pub stamp_ns: u64,
+        /// [`Kind`] as a number.
+        pub kind: u32,
+        /// CRC-32 of the payload's bytes.
+        pub crc32: u32,
+    }
+}
+
+/// What a message is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Kind {
+    /// A payload.
+    Data = 0,
+    /// The stream ends after `seq`; the payload is all zero.
+    End = 1,
+}
+
+impl Kind {
+    /// The kind a number stands for, if any.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Data),
+            1 => Some(Self::End),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! The wire contract of stillmap: what the processes of a deployment say to each other.
+//!
+//! Every payload is a `repr(C)` struct of plain numbers and fixed arrays without padding, so that every bit pattern is a
+//! valid value of its type; what a value may *mean* is checked by [`Payload::validate`] on the reader's side. Name,
+//! version and quality of service stand beside each type ([`Service`]).
+//!
+//! SI units: metres, radians, seconds; stamps are nanoseconds of sensor time since the Unix epoch (or since the start of an
+//! imported log that has no epoch). Frames: *map* (right-handed, origin where the run starts), *robot* (x forward, y left,
+//! yaw counter-clockwise), *image* (u right, v down).
+
+mod camera;
+mod header;
+mod health;
+mod layout;
+mod map;
+mod motion;
+mod name;
+mod scan;
+mod service;
+mod truth;
+mod verdict;
+
+pub use camera::{FRAME_SERVICE, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat};
+pub use header::{Header, Kind};
+pub use health::{
+    Counter, DeploymentStatus, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState, ProcessStatus,
+    Progress,
+};
+pub use layout::Layout;
+pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, WayChunk};
+pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
+pub use name::Text;
+pub use scan::{MAX_READINGS, Pose, SonarReading, SonarScan};
+pub use service::{Invalid, Payload, Qos, Service};
+pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, Surface, TrueReading, TruthScan, TruthSurfaces};
+pub use verdict::{FilterVerdict, MAX_REGIONS, UpdateRegion};

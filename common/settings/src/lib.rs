@@ -1,0 +1,1 @@
+//! Typed configuration of a stillmap deployment: parse, validate, explain.

@@ -1,0 +1,1 @@
+//! Driver of a Pioneer's serial sonar and odometry.

@@ -1,0 +1,1 @@
+//! Playback of a recorded log in place of the drivers.

@@ -1,0 +1,1 @@
+//! A simulated world with walkers: a Pioneer behind a pseudo-terminal, with ground truth.

@@ -1,0 +1,1 @@
+//! Fuzzy-tuned grid-based mapping (FTGBM), the owner of the map.

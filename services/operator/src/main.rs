@@ -1,0 +1,2 @@
+//! The `stillmap` command.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Everything on the bus into one MCAP log, and logs back into messages.

@@ -1,0 +1,1 @@
+//! Statistical background subtraction on a moving camera (SBS).
