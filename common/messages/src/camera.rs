@@ -7,8 +7,13 @@ use crate::{Header, Invalid, Qos, Service};
 pub const MAX_FRAME_BYTES: usize = 640 * 480 * 3;
 
 /// The service of camera pictures; its payload is a slice of bytes under a [`FrameHeader`].
-pub const FRAME_SERVICE: Service =
-    Service { name: "camera/frame", version: 1, qos: Qos { history: 4, buffer: 64, publishers: 3, subscribers: 8 }, wakes: true };
+pub const FRAME_SERVICE: Service = Service {
+    name: "camera/frame",
+    version: 1,
+    qos: Qos { history: 4, buffer: 64, publishers: 3, subscribers: 8 },
+    wakes: true,
+    sequenced: true,
+};
 
 /// How a pixel is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

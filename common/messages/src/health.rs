@@ -185,7 +185,7 @@ plain! {
 }
 
 impl Payload for Heartbeat {
-    const SERVICE: Service = Service { name: "health/heartbeat", version: 1, qos: Qos::REPORTS, wakes: false };
+    const SERVICE: Service = Service { name: "health/heartbeat", version: 1, qos: Qos::REPORTS, wakes: false, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("inputs_count", self.inputs_count, MAX_INPUTS, "at most 8")?;
@@ -195,7 +195,7 @@ impl Payload for Heartbeat {
 }
 
 impl Payload for Progress {
-    const SERVICE: Service = Service { name: "health/progress", version: 1, qos: Qos::REPORTS, wakes: true };
+    const SERVICE: Service = Service { name: "health/progress", version: 1, qos: Qos::REPORTS, wakes: true, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         Ok(())
@@ -203,7 +203,7 @@ impl Payload for Progress {
 }
 
 impl Payload for DeploymentStatus {
-    const SERVICE: Service = Service { name: "health/status", version: 1, qos: Qos::NEWEST, wakes: true };
+    const SERVICE: Service = Service { name: "health/status", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_PROCESSES, "at most 24")?;

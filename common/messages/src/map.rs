@@ -86,8 +86,13 @@ plain! {
 }
 
 impl Payload for MapTile {
-    const SERVICE: Service =
-        Service { name: "map/tile", version: 1, qos: Qos { history: 0, buffer: 512, publishers: 3, subscribers: 12 }, wakes: true };
+    const SERVICE: Service = Service {
+        name: "map/tile",
+        version: 1,
+        qos: Qos { history: 0, buffer: 512, publishers: 3, subscribers: 12 },
+        wakes: true,
+        sequenced: false,
+    };
 
     fn validate(&self) -> Result<(), Invalid> {
         within("cell_m", self.cell_m, 0.005, 1.0, "0.005 to 1 m")?;
@@ -102,8 +107,13 @@ impl Payload for MapTile {
 }
 
 impl Payload for WayChunk {
-    const SERVICE: Service =
-        Service { name: "map/way", version: 1, qos: Qos { history: 0, buffer: 64, publishers: 3, subscribers: 12 }, wakes: true };
+    const SERVICE: Service = Service {
+        name: "map/way",
+        version: 1,
+        qos: Qos { history: 0, buffer: 64, publishers: 3, subscribers: 12 },
+        wakes: true,
+        sequenced: false,
+    };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_WAY_POINTS, "at most 256")?;
@@ -116,7 +126,7 @@ impl Payload for WayChunk {
 }
 
 impl Payload for MapSummary {
-    const SERVICE: Service = Service { name: "map/summary", version: 1, qos: Qos::NEWEST, wakes: true };
+    const SERVICE: Service = Service { name: "map/summary", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         within("way_m", self.way_m, 0.0, 1e9, "a length")

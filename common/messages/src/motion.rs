@@ -128,7 +128,7 @@ impl CameraMotion {
 }
 
 impl Payload for SonarMotion {
-    const SERVICE: Service = Service { name: "motion/sonar", version: 1, qos: Qos::STREAM, wakes: true };
+    const SERVICE: Service = Service { name: "motion/sonar", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_MOVERS, "at most 16")?;
@@ -146,7 +146,7 @@ impl Payload for SonarMotion {
 }
 
 impl Payload for CameraMotion {
-    const SERVICE: Service = Service { name: "motion/camera", version: 1, qos: Qos::STREAM, wakes: true };
+    const SERVICE: Service = Service { name: "motion/camera", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_BLOBS, "at most 16")?;

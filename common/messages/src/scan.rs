@@ -82,7 +82,7 @@ impl SonarScan {
 }
 
 impl Payload for SonarScan {
-    const SERVICE: Service = Service { name: "robot/scan", version: 1, qos: Qos::STREAM, wakes: true };
+    const SERVICE: Service = Service { name: "robot/scan", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
 
     fn validate(&self) -> Result<(), Invalid> {
         self.pose.validate()?;

@@ -38,6 +38,9 @@ pub struct Service {
     pub qos: Qos,
     /// Whether a send wakes the readers; without it a reader looks when it has its own reason to.
     pub wakes: bool,
+    /// Whether a reader follows one numbered stream: drops what it has had, counts what is missing, refuses stamps that run
+    /// backwards. Otherwise every message stands for itself (several senders, or newest wins).
+    pub sequenced: bool,
 }
 
 /// What travels on a service.

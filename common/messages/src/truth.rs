@@ -80,7 +80,7 @@ plain! {
 }
 
 impl Payload for TruthScan {
-    const SERVICE: Service = Service { name: "truth/scan", version: 1, qos: Qos::STREAM, wakes: true };
+    const SERVICE: Service = Service { name: "truth/scan", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
 
     fn validate(&self) -> Result<(), Invalid> {
         self.pose.validate()?;
@@ -96,8 +96,13 @@ impl Payload for TruthScan {
 }
 
 impl Payload for TruthSurfaces {
-    const SERVICE: Service =
-        Service { name: "truth/surfaces", version: 1, qos: Qos { history: 32, buffer: 64, publishers: 3, subscribers: 8 }, wakes: true };
+    const SERVICE: Service = Service {
+        name: "truth/surfaces",
+        version: 1,
+        qos: Qos { history: 32, buffer: 64, publishers: 3, subscribers: 8 },
+        wakes: true,
+        sequenced: false,
+    };
 
     fn validate(&self) -> Result<(), Invalid> {
         self.start.validate()?;

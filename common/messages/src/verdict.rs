@@ -47,7 +47,7 @@ impl FilterVerdict {
 }
 
 impl Payload for FilterVerdict {
-    const SERVICE: Service = Service { name: "map/verdict", version: 1, qos: Qos::STREAM, wakes: true };
+    const SERVICE: Service = Service { name: "map/verdict", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_REGIONS, "at most 8")?;
