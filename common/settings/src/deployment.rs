@@ -1,0 +1,80 @@
+//! The settings of a whole deployment.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Supervisor};
+
+/// What sets the pace of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Pace {
+    /// The sensors: deadlines hold.
+    #[default]
+    Live,
+    /// The slowest process: nothing is skipped, no deadline holds, the result is the same every time.
+    Lockstep,
+}
+
+/// Settings of a deployment of stillmap: one TOML file each.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+pub struct Settings {
+    /// Name of the deployment; deployments of different names run side by side.
+    pub name: Name,
+    /// What sets the pace: the sensors, or, for a log, the slowest process.
+    #[serde(default)]
+    pub pace: Pace,
+    /// Folder for the log and the map; relative to the settings file.
+    #[serde(default = "default_out")]
+    pub out: PathBuf,
+    /// `[[process]]`: the processes, in the order of starting.
+    #[schemars(length(min = 1, max = 23))]
+    pub process: Vec<Process>,
+    /// `[supervisor]`: how processes are watched and restarted.
+    #[serde(default)]
+    pub supervisor: Supervisor,
+    /// `[robot]`: the robot's body and sonars.
+    #[serde(default)]
+    pub robot: Robot,
+    /// `[pioneer]`: the driver of a robot that speaks the PSOS or P2OS protocol.
+    #[serde(default)]
+    pub pioneer: Pioneer,
+    /// `[simulator]`: a simulated world with its robot.
+    #[serde(default)]
+    pub simulator: Simulator,
+    /// `[mapping]`: the fuzzy-tuned grid map.
+    #[serde(default)]
+    pub mapping: Mapping,
+    /// `[recorder]`: the log of a run.
+    #[serde(default)]
+    pub recorder: Recorder,
+    /// `[playback]`: a log in place of the robot.
+    #[serde(default)]
+    pub playback: Playback,
+}
+
+fn default_out() -> PathBuf {
+    PathBuf::from("out")
+}
+
+impl Default for Settings {
+    /// A deployment named `stillmap` that has no process yet: a base to add processes to.
+    fn default() -> Self {
+        Self {
+            name: Name::literal("stillmap"),
+            pace: Pace::default(),
+            out: default_out(),
+            process: Vec::new(),
+            supervisor: Supervisor::default(),
+            robot: Robot::default(),
+            pioneer: Pioneer::default(),
+            simulator: Simulator::default(),
+            mapping: Mapping::default(),
+            recorder: Recorder::default(),
+            playback: Playback::default(),
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! `[pioneer]`: the driver of a robot that speaks the PSOS or P2OS protocol.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::bounded::{bounded, one_of};
+use crate::text::Port;
+
+bounded! {
+    /// Time between two signs of life to the robot; its watchdog stops it after 2 s without.
+    PulseInterval: f64 in 0.05..=1.0, "s", default 0.5;
+    /// Time without a packet after which the link is lost.
+    LinkTimeout: f64 in 1.0..=60.0, "s", default 8.0;
+    /// Greatest speed that odometry is believed.
+    SpeedLimit: f64 in 0.1..=5.0, "m/s", default 1.0;
+    /// Greatest turn rate that odometry is believed.
+    TurnLimit: f64 in 0.1..=20.0, "rad/s", default 3.0;
+}
+
+one_of! {
+    /// A speed of the serial line, in bits a second.
+    Baud: u32 of [9600, 19200, 38400, 57600, 115_200];
+}
+
+/// `[pioneer]`: the driver of a robot that speaks the PSOS or P2OS protocol.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub struct Pioneer {
+    /// Serial device of the robot, or `"simulator"`: the pseudo-terminal of this deployment's simulator.
+    pub port: Port,
+    /// Speeds of the line to try, in this order.
+    #[schemars(length(min = 1, max = 5))]
+    pub bauds: Vec<Baud>,
+    /// Time between two signs of life to the robot; its watchdog stops it after 2 s without.
+    pub pulse_s: PulseInterval,
+    /// Time without a packet after which the link is lost and the port opened again.
+    pub link_lost_s: LinkTimeout,
+    /// Odometry that claims a greater speed is not believed.
+    pub speed_limit_m_s: SpeedLimit,
+    /// Odometry that claims a greater turn rate is not believed.
+    pub turn_limit_rad_s: TurnLimit,
+}
+
+impl Default for Pioneer {
+    fn default() -> Self {
+        Self {
+            port: Port::Device(PathBuf::from("/dev/pioneer")),
+            bauds: [9600, 38400, 19200, 115_200, 57600].map(Baud).to_vec(),
+            pulse_s: PulseInterval::default(),
+            link_lost_s: LinkTimeout::default(),
+            speed_limit_m_s: SpeedLimit::default(),
+            turn_limit_rad_s: TurnLimit::default(),
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! `[playback]`: a log in place of the robot.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::bounded::bounded;
+
+bounded! {
+    /// Scans that playback in lockstep publishes ahead of the slowest consumer.
+    Window: u32 in 1..=256, "scans", default 256;
+}
+
+/// `[playback]`: a log in place of the robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub struct Playback {
+    /// The log; relative to the settings file.
+    pub log: PathBuf,
+    /// How far lockstep publishes ahead of the slowest consumer.
+    pub window: Window,
+}
+
+impl Default for Playback {
+    fn default() -> Self {
+        Self { log: PathBuf::from("drive.mcap"), window: Window::default() }
+    }
+}

@@ -1,0 +1,124 @@
+//! `[[process]]`: what a deployment consists of.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::text::Name;
+
+/// A process that `stillmap` brings along.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum BuiltIn {
+    /// Everything on the bus into a log.
+    Recorder,
+    /// The map's owner.
+    Mapping,
+    /// The driver of a Pioneer.
+    Pioneer,
+    /// A simulated world with its robot.
+    Simulator,
+    /// A log in place of the robot.
+    Playback,
+}
+
+/// What a process runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Program {
+    /// A part of `stillmap` itself.
+    BuiltIn(BuiltIn),
+    /// Any other executable: program and arguments; never empty when read from a file.
+    Command(Vec<String>),
+}
+
+/// `[[process]]`: one process of the deployment.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Entry", into = "Entry")]
+pub struct Process {
+    /// Its name, unique in the deployment.
+    pub name: Name,
+    /// What it runs.
+    pub program: Program,
+    /// When it ends successfully, the run ends.
+    pub ends_run: bool,
+}
+
+/// `[[process]]`: one process of the deployment, in the order of starting. Exactly one of `run` and `command` says what it runs.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+struct Entry {
+    /// Its name, unique in the deployment.
+    name: Name,
+    /// A process that stillmap brings along.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    run: Option<BuiltIn>,
+    /// Any other executable: program and arguments. It joins the bus by the variables STILLMAP_* that the supervisor sets.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1, max = 64))]
+    command: Option<Vec<String>>,
+    /// When it ends successfully, the run ends. True for simulator and playback unless it is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    ends_run: Option<bool>,
+}
+
+/// A process that does not say what it runs, or says it twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("expected exactly one of run and command")]
+struct NotOneProgram;
+
+impl BuiltIn {
+    /// Its word in settings and on the command line.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Recorder => "recorder",
+            Self::Mapping => "mapping",
+            Self::Pioneer => "pioneer",
+            Self::Simulator => "simulator",
+            Self::Playback => "playback",
+        }
+    }
+
+    /// Whether a run ends with it unless the settings say otherwise: what brings the world in also has its end.
+    #[must_use]
+    pub fn ends_run(self) -> bool {
+        matches!(self, Self::Simulator | Self::Playback)
+    }
+}
+
+impl Process {
+    /// A built-in process under its own name.
+    #[must_use]
+    pub fn built_in(kind: BuiltIn) -> Self {
+        Self { name: Name::literal(kind.word()), program: Program::BuiltIn(kind), ends_run: kind.ends_run() }
+    }
+
+    /// Whether it runs this built-in process.
+    #[must_use]
+    pub fn runs(&self, kind: BuiltIn) -> bool {
+        self.program == Program::BuiltIn(kind)
+    }
+}
+
+impl TryFrom<Entry> for Process {
+    type Error = NotOneProgram;
+
+    fn try_from(entry: Entry) -> Result<Self, NotOneProgram> {
+        let program = match (entry.run, entry.command) {
+            (Some(kind), None) => Program::BuiltIn(kind),
+            (None, Some(command)) => Program::Command(command),
+            _ => return Err(NotOneProgram),
+        };
+        let by_default = matches!(program, Program::BuiltIn(kind) if kind.ends_run());
+        Ok(Self { name: entry.name, program, ends_run: entry.ends_run.unwrap_or(by_default) })
+    }
+}
+
+impl From<Process> for Entry {
+    fn from(process: Process) -> Self {
+        let (run, command) = match process.program {
+            Program::BuiltIn(kind) => (Some(kind), None),
+            Program::Command(command) => (None, Some(command)),
+        };
+        Self { name: process.name, run, command, ends_run: Some(process.ends_run) }
+    }
+}
