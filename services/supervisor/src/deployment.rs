@@ -1,0 +1,468 @@
+//! The whole deployment: `(state, event, now) -> actions`.
+//!
+//! A run goes through these phases, and from any of them only down:
+//!
+//! | phase | what happens |
+//! | --- | --- |
+//! | running | processes start one after the other, each when the one before has given a sign of life; what dies or hangs starts again |
+//! | draining | the sources are asked to stop; everything else ends by itself once its inputs have ended, and still starts again when it dies |
+//! | stopping | what is left is asked to stop, the last started first, one at a time; what does not is killed |
+//! | over | nothing runs |
+//!
+//! The exception is *rebuilding*: a child that finds the shared memory broken makes the supervisor kill everything, make
+//! the domain anew, and go back to running; the processes go on from their checkpoints.
+
+use crate::lifecycle::{Exit, Lifecycle, Plan, Role, State};
+use crate::policy::{Policy, Restarts};
+use std::time::Duration;
+
+/// What the supervisor learns.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// A process gave a sign of life; `work` is the number of messages it has taken and sent.
+    Heartbeat {
+        /// Its place in the start order.
+        process: usize,
+        /// Messages taken and sent.
+        work: u64,
+    },
+    /// The child of a process is gone and has been waited for.
+    Exited {
+        /// Its place in the start order.
+        process: usize,
+        /// How.
+        exit: Exit,
+    },
+    /// The domain has been made anew.
+    Rebuilt,
+    /// Time has passed.
+    Tick,
+    /// Somebody wants the run to end: orderly at first, then less patiently with every time.
+    StopAsked,
+}
+
+/// What the supervisor does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Action {
+    /// Start a child for a process that has none.
+    Spawn {
+        /// Its place in the start order.
+        process: usize,
+        /// 0 for its first child, one more for each further.
+        incarnation: u32,
+    },
+    /// Ask the child to stop (SIGTERM).
+    Terminate(usize),
+    /// Kill the child (SIGKILL).
+    Kill(usize),
+    /// Wipe the domain and make it anew: nothing lives in it now.
+    Rebuild,
+    /// Tell people.
+    Tell(Notice),
+}
+
+/// What people want to know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Notice {
+    /// A process gave its first sign of life.
+    Up {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A child died and another follows.
+    Restarting {
+        /// Its place in the start order.
+        process: usize,
+        /// Why it died.
+        cause: String,
+        /// Until the next start.
+        after: Duration,
+    },
+    /// A child hangs and is killed.
+    Hangs {
+        /// Its place in the start order.
+        process: usize,
+        /// How it shows.
+        cause: String,
+    },
+    /// A process ended as it should.
+    Finished {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A process is down for good.
+    Failed {
+        /// Its place in the start order.
+        process: usize,
+        /// Why.
+        cause: String,
+    },
+    /// The run ends.
+    Ends(Ending),
+    /// The shared memory is broken; everything starts again.
+    Rebuilds,
+}
+
+/// Why a run ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// A process that ends the run has finished.
+    Complete,
+    /// Every process is down.
+    NothingLeft,
+    /// Somebody asked.
+    Asked,
+    /// Somebody asked until everything was killed.
+    Forced,
+    /// A process refused its input.
+    BadInput {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A process that the run cannot do without has failed.
+    Lost {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// The shared memory broke more often than the budget allows.
+    DomainBroken,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Running,
+    Rebuilding { asked: bool },
+    Draining { began: Duration, quiet_since: Duration },
+    Stopping,
+    Over,
+}
+
+/// A drain ends at the latest after this many stop deadlines, whatever still seems to move.
+const LONGEST_DRAIN: u32 = 40;
+
+/// The supervisor's state machine.
+#[derive(Debug, Clone)]
+pub struct Deployment {
+    policy: Policy,
+    processes: Vec<Lifecycle>,
+    phase: Phase,
+    ending: Option<Ending>,
+    rebuilds: Restarts,
+}
+
+impl Deployment {
+    /// Processes in start order; nothing runs yet. `seed` decides the jitter of restarts.
+    #[must_use]
+    pub fn new(policy: Policy, plans: Vec<Plan>, seed: u64) -> Self {
+        let processes = plans.into_iter().zip(1..).map(|(plan, i)| Lifecycle::new(plan, seed.wrapping_add(i))).collect();
+        Self { policy, processes, phase: Phase::Running, ending: None, rebuilds: Restarts::new(seed) }
+    }
+
+    /// The processes in start order.
+    #[must_use]
+    pub fn processes(&self) -> &[Lifecycle] {
+        &self.processes
+    }
+
+    /// Why the run ends or has ended; `None` while it goes on.
+    #[must_use]
+    pub fn ending(&self) -> Option<Ending> {
+        self.ending
+    }
+
+    /// Whether nothing runs any more and nothing will.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.phase == Phase::Over
+    }
+
+    /// When the next step is due without an event.
+    #[must_use]
+    pub fn due(&self) -> Option<Duration> {
+        let drained = match self.phase {
+            Phase::Draining { began, quiet_since } => {
+                Some((quiet_since + self.policy.stop_deadline).min(began + self.policy.stop_deadline * LONGEST_DRAIN))
+            }
+            _ => None,
+        };
+        self.processes.iter().filter_map(|p| p.due(&self.policy)).chain(drained).min()
+    }
+
+    /// Takes one event and says what to do, in order.
+    pub fn step(&mut self, event: Event, now: Duration) -> Vec<Action> {
+        let mut actions = Vec::new();
+        match event {
+            Event::Heartbeat { process, work } => self.hear(process, work, now, &mut actions),
+            Event::Exited { process, exit } => self.bury(process, exit, now, &mut actions),
+            Event::Rebuilt if matches!(self.phase, Phase::Rebuilding { .. }) => self.phase = Phase::Running,
+            Event::StopAsked => self.hurry(now, &mut actions),
+            Event::Rebuilt | Event::Tick => {}
+        }
+        self.kill_what_hangs(now, &mut actions);
+        match self.phase {
+            Phase::Running => self.run(now, &mut actions),
+            Phase::Rebuilding { asked: false } if !self.processes.iter().any(Lifecycle::is_live) => {
+                self.phase = Phase::Rebuilding { asked: true };
+                actions.push(Action::Rebuild);
+            }
+            Phase::Rebuilding { .. } | Phase::Draining { .. } | Phase::Stopping | Phase::Over => {}
+        }
+        if let Phase::Draining { .. } = self.phase {
+            self.drain(now, &mut actions);
+        }
+        if self.phase == Phase::Stopping {
+            self.stop(now, &mut actions);
+        }
+        actions
+    }
+
+    fn hear(&mut self, process: usize, work: u64, now: Duration, actions: &mut Vec<Action>) {
+        let Some(it) = self.processes.get_mut(process) else { return };
+        let first = match it.state {
+            State::Starting { .. } => true,
+            State::Running { .. } => false,
+            _ => return,
+        };
+        it.state = State::Running { heard: now };
+        it.cause.clear();
+        let moved = first || it.work != work;
+        it.work = work;
+        if first {
+            actions.push(Action::Tell(Notice::Up { process }));
+        }
+        if moved {
+            self.disturb(now);
+        }
+    }
+
+    /// A drain goes on while something moves.
+    fn disturb(&mut self, now: Duration) {
+        if let Phase::Draining { quiet_since, .. } = &mut self.phase {
+            *quiet_since = now;
+        }
+    }
+
+    fn bury(&mut self, process: usize, exit: Exit, now: Duration, actions: &mut Vec<Action>) {
+        let Some(it) = self.processes.get_mut(process).filter(|it| it.is_live()) else { return };
+        let hung = it.state == State::Killed;
+        let asked = match it.state {
+            State::Stopping { killed, .. } => Some(killed),
+            _ => None,
+        };
+        let cause = if hung { it.cause.clone() } else { exit.to_string() };
+        self.disturb(now);
+        match (exit, asked) {
+            (Exit::Finished, _) => self.finish(process, actions),
+            (Exit::BadInput, _) => {
+                self.fail(process, cause, actions);
+                self.begin_stop(Ending::BadInput { process }, actions);
+            }
+            _ if matches!(self.phase, Phase::Rebuilding { .. }) => self.set(process, State::Waiting),
+            (Exit::Signal(15), Some(false)) => self.finish(process, actions),
+            (_, Some(true)) => self.fail(process, "had to be killed when the run ended".to_owned(), actions),
+            (_, Some(false)) => self.fail(process, cause, actions),
+            (Exit::BrokenDomain, None) if self.phase == Phase::Running => self.begin_rebuild(process, now, actions),
+            (_, None) => self.back_off(process, cause, now, actions),
+        }
+    }
+
+    fn set(&mut self, process: usize, state: State) {
+        if let Some(it) = self.processes.get_mut(process) {
+            it.state = state;
+        }
+    }
+
+    fn finish(&mut self, process: usize, actions: &mut Vec<Action>) {
+        self.set(process, State::Finished);
+        actions.push(Action::Tell(Notice::Finished { process }));
+    }
+
+    fn fail(&mut self, process: usize, cause: String, actions: &mut Vec<Action>) {
+        if let Some(it) = self.processes.get_mut(process) {
+            it.state = State::Failed;
+            it.cause.clone_from(&cause);
+        }
+        actions.push(Action::Tell(Notice::Failed { process, cause }));
+    }
+
+    fn back_off(&mut self, process: usize, cause: String, now: Duration, actions: &mut Vec<Action>) {
+        let Some(it) = self.processes.get_mut(process) else { return };
+        let source_of_an_ending_run = it.plan.role == Role::Source && self.phase != Phase::Running;
+        if self.phase == Phase::Stopping || source_of_an_ending_run {
+            return self.fail(process, cause, actions);
+        }
+        match it.restarts.grant(&self.policy, now) {
+            Some(until) => {
+                it.state = State::Backoff { until };
+                it.cause.clone_from(&cause);
+                actions.push(Action::Tell(Notice::Restarting { process, cause, after: until - now }));
+            }
+            None => {
+                let budget = format!("{cause}; {} restarts in {} s were not enough", self.policy.restarts, self.policy.within.as_secs_f64());
+                self.fail(process, budget, actions);
+            }
+        }
+    }
+
+    fn kill_what_hangs(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        for (process, it) in self.processes.iter_mut().enumerate() {
+            if let Some(cause) = it.hangs(&self.policy, now) {
+                it.state = State::Killed;
+                it.cause.clone_from(&cause);
+                actions.extend([Action::Tell(Notice::Hangs { process, cause }), Action::Kill(process)]);
+            }
+        }
+    }
+
+    fn run(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        let lost = |(_, it): &(usize, &Lifecycle)| it.state == State::Failed && (it.plan.essential || it.plan.ends_run);
+        if let Some((process, _)) = self.processes.iter().enumerate().find(lost) {
+            return self.begin_drain(Ending::Lost { process }, now, actions);
+        }
+        if self.processes.iter().any(|it| it.plan.ends_run && it.state == State::Finished) {
+            return self.begin_drain(Ending::Complete, now, actions);
+        }
+        if self.processes.iter().all(Lifecycle::is_over) {
+            return self.begin_drain(Ending::NothingLeft, now, actions);
+        }
+        self.start_again(now, actions);
+        for process in 0..self.processes.len() {
+            match self.processes[process].state {
+                State::Waiting => return self.spawn(process, now, actions),
+                State::Starting { .. } => return,
+                _ => {}
+            }
+        }
+    }
+
+    fn start_again(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        for process in 0..self.processes.len() {
+            if matches!(self.processes[process].state, State::Backoff { until } if now >= until) {
+                self.spawn(process, now, actions);
+            }
+        }
+    }
+
+    fn spawn(&mut self, process: usize, now: Duration, actions: &mut Vec<Action>) {
+        let it = &mut self.processes[process];
+        it.state = State::Starting { deadline: now + self.policy.startup_deadline };
+        it.work = 0;
+        actions.push(Action::Spawn { process, incarnation: it.starts });
+        it.starts += 1;
+        self.disturb(now);
+    }
+
+    fn begin_rebuild(&mut self, process: usize, now: Duration, actions: &mut Vec<Action>) {
+        self.set(process, State::Waiting);
+        if self.rebuilds.grant(&self.policy, now).is_none() {
+            return self.begin_stop(Ending::DomainBroken, actions);
+        }
+        self.phase = Phase::Rebuilding { asked: false };
+        actions.push(Action::Tell(Notice::Rebuilds));
+        for (process, it) in self.processes.iter_mut().enumerate() {
+            match it.state {
+                State::Backoff { .. } => it.state = State::Waiting,
+                State::Starting { .. } | State::Running { .. } => {
+                    it.state = State::Killed;
+                    actions.push(Action::Kill(process));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn begin_drain(&mut self, ending: Ending, now: Duration, actions: &mut Vec<Action>) {
+        self.end(ending, actions);
+        self.phase = Phase::Draining { began: now, quiet_since: now };
+        let deadline = now + self.policy.stop_deadline;
+        for (process, it) in self.processes.iter_mut().enumerate().rev() {
+            let source = it.plan.role == Role::Source;
+            match it.state {
+                State::Waiting => it.state = State::Finished,
+                State::Backoff { .. } if source => it.state = State::Failed,
+                State::Starting { .. } | State::Running { .. } if source => {
+                    it.state = State::Stopping { deadline, killed: false };
+                    actions.push(Action::Terminate(process));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn drain(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        let Phase::Draining { began, quiet_since } = self.phase else { return };
+        self.kill_what_does_not_stop(now, actions);
+        self.start_again(now, actions);
+        let quiet = now >= quiet_since + self.policy.stop_deadline;
+        let too_long = now >= began + self.policy.stop_deadline * LONGEST_DRAIN;
+        if quiet || too_long || self.processes.iter().all(Lifecycle::is_over) {
+            self.phase = Phase::Stopping;
+        }
+    }
+
+    fn kill_what_does_not_stop(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        for process in 0..self.processes.len() {
+            match self.processes[process].state {
+                State::Stopping { deadline, killed: false } if now >= deadline => {
+                    self.set(process, State::Stopping { deadline: now + self.policy.stop_deadline, killed: true });
+                    actions.push(Action::Kill(process));
+                }
+                State::Stopping { deadline, killed: true } if now >= deadline => {
+                    self.fail(process, "does not die even when killed".to_owned(), actions);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn begin_stop(&mut self, ending: Ending, actions: &mut Vec<Action>) {
+        self.end(ending, actions);
+        self.phase = Phase::Stopping;
+    }
+
+    fn stop(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        self.kill_what_does_not_stop(now, actions);
+        let deadline = now + self.policy.stop_deadline;
+        for it in &mut self.processes {
+            match it.state {
+                State::Waiting => it.state = State::Finished,
+                State::Backoff { .. } => it.state = State::Failed,
+                State::Killed => it.state = State::Stopping { deadline, killed: true },
+                _ => {}
+            }
+        }
+        match self.processes.iter_mut().enumerate().rev().find(|(_, it)| it.is_live()) {
+            None => self.phase = Phase::Over,
+            Some((_, it)) if matches!(it.state, State::Stopping { .. }) => {}
+            Some((process, it)) => {
+                it.state = State::Stopping { deadline, killed: false };
+                actions.push(Action::Terminate(process));
+            }
+        }
+    }
+
+    /// The first wish drains, the second stops, the third kills.
+    fn hurry(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        match self.phase {
+            Phase::Running => self.begin_drain(Ending::Asked, now, actions),
+            Phase::Rebuilding { .. } => self.begin_stop(Ending::Asked, actions),
+            Phase::Draining { .. } => self.phase = Phase::Stopping,
+            Phase::Stopping => {
+                self.ending = Some(Ending::Forced);
+                let deadline = now + self.policy.stop_deadline;
+                for (process, it) in self.processes.iter_mut().enumerate().filter(|(_, it)| it.is_live()) {
+                    it.state = State::Stopping { deadline, killed: true };
+                    actions.push(Action::Kill(process));
+                }
+            }
+            Phase::Over => {}
+        }
+    }
+
+    fn end(&mut self, ending: Ending, actions: &mut Vec<Action>) {
+        if self.ending.is_none() {
+            self.ending = Some(ending);
+            actions.push(Action::Tell(Notice::Ends(ending)));
+        }
+    }
+}
