@@ -1,1 +1,34 @@
 //! The shell of every stillmap process, and the one home of iceoryx2.
+//!
+//! A deployment lives in a [`Domain`] of its own: a folder, a prefix in shared memory and a lock. The supervisor opens it,
+//! creates every service and holds them; processes only ever open what exists. A process joins with a [`Shell`], declares
+//! its inputs ([`Reader`]) and outputs ([`Writer`]) and hands over a [`Process`], whose `step` the shell calls whenever
+//! something is there to be done. Waiting is a `poll` on file descriptors: no busy polling, no sleeping.
+//!
+//! Modes of failure that this crate answers for: lost, repeated and damaged messages are counted where they are read; a
+//! process that dies leaves nothing that stops the next; a hung work loop sends no heartbeat, since no other thread does.
+
+mod broken;
+mod checkpoint;
+mod clock;
+mod domain;
+mod fabric;
+mod membership;
+mod paths;
+mod reader;
+mod shell;
+mod signals;
+mod slot;
+mod tool;
+mod writer;
+
+pub use broken::{BusError, EXIT_BROKEN_DOMAIN};
+pub use checkpoint::{Checkpoint, CheckpointError};
+pub use clock::DeploymentClock;
+pub use domain::{Domain, DomainError, RunningDomain, sweep};
+pub use membership::{Membership, MembershipError};
+pub use reader::{Message, Reader, Received};
+pub use shell::{Context, Next, Process, RunError, Shell, StepError};
+pub use signals::Signals;
+pub use tool::Tool;
+pub use writer::Writer;

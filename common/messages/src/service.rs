@@ -44,7 +44,7 @@ pub struct Service {
 }
 
 /// What travels on a service.
-pub trait Payload: bytemuck::Pod + Layout {
+pub trait Payload: bytemuck::Pod + Layout + core::fmt::Debug {
     /// The service that carries this payload.
     const SERVICE: Service;
 

@@ -1,0 +1,416 @@
+//! A domain: the place where one deployment lives, and nobody else.
+
+use std::cell::Cell;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::fd::BorrowedFd;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::ipc;
+use messages::{
+    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan, TruthScan,
+    TruthSurfaces, WayChunk,
+};
+use rustix::fs::{FlockOperation, flock};
+
+use crate::broken::BusError;
+use crate::clock::DeploymentClock;
+use crate::fabric::Fabric;
+use crate::membership::Membership;
+use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
+use crate::reader::Reader;
+use crate::shell::{drain, listener_descriptor, timespec};
+use crate::writer::{Refresh, Writer};
+
+/// Shared memory that must be free before a deployment starts: a full `/dev/shm` is SIGBUS later, not an error.
+const NEEDED_SHARED_MEMORY: u64 = 64 << 20;
+/// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
+const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+
+/// A domain that could not be opened, joined or cleaned.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// The name cannot be one.
+    #[error("deployment name {name:?}: expected 1 to 40 of a-z, 0-9 and -")]
+    Name {
+        /// What was given.
+        name: String,
+    },
+    /// A supervisor holds it.
+    #[error("deployment {name} is already running (process {pid})")]
+    Running {
+        /// Its name.
+        name: String,
+        /// Process id of its supervisor, as it wrote it.
+        pid: String,
+    },
+    /// Nobody holds it.
+    #[error("deployment {name} is not running")]
+    NoDomain {
+        /// Its name.
+        name: String,
+    },
+    /// Processes of an earlier run are still alive in it.
+    #[error("processes of an earlier run of {name} are still alive after {waited:?}")]
+    StillInhabited {
+        /// Its name.
+        name: String,
+        /// How long it was waited for them.
+        waited: Duration,
+    },
+    /// Too little shared memory.
+    #[error("/dev/shm has {free} bytes free, expected at least {needed}")]
+    SharedMemory {
+        /// Bytes free.
+        free: u64,
+        /// Bytes needed.
+        needed: u64,
+    },
+    /// The file system refuses.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it says.
+        source: io::Error,
+    },
+    /// The bus fails.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+/// The supervisor's hold on a domain: the lock, the folder and every service.
+pub struct Domain {
+    paths: DomainPaths,
+    fabric: Option<Fabric>,
+    services: Vec<Box<dyn std::any::Any>>,
+    writers: Vec<Rc<dyn Refresh>>,
+    listeners: Vec<Rc<Listener<ipc::Service>>>,
+    run: u64,
+    clock: DeploymentClock,
+    _lock: File,
+}
+
+impl Domain {
+    /// Opens the domain of this name for a new run: takes its lock, removes what an earlier run left, creates every service.
+    ///
+    /// # Errors
+    /// When a supervisor holds it, processes of an earlier run are alive, or memory or the file system refuse.
+    pub fn open(name: &str, speed: f64) -> Result<Self, DomainError> {
+        check_name(name)?;
+        let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
+        remove_abandoned(&runtime, name);
+        let paths = DomainPaths::new(&runtime, name);
+        check_shared_memory()?;
+        let mut lock = take_lock(&paths)?;
+        wait_until_deserted(&paths)?;
+        let clock = DeploymentClock::start(speed);
+        let run = clock.started_real_ns ^ (u64::from(std::process::id()) << 48);
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| DomainError::Io { path, source }
+        };
+        lock.set_len(0).and_then(|()| write!(lock, "{} {run:016x}", std::process::id())).map_err(io(&paths.lock))?;
+        let mut domain =
+            Self { paths, fabric: None, services: Vec::new(), writers: Vec::new(), listeners: Vec::new(), run, clock, _lock: lock };
+        domain.rebuild()?;
+        Ok(domain)
+    }
+
+    /// Wipes the domain and creates every service anew, in the same run. Only while no process of it lives. Readers and
+    /// writers made before are of no use after.
+    ///
+    /// # Errors
+    /// As [`Domain::open`].
+    pub fn rebuild(&mut self) -> Result<(), DomainError> {
+        let io = |source| DomainError::Io { path: self.paths.directory.clone(), source };
+        self.writers.clear();
+        self.listeners.clear();
+        self.services.clear();
+        self.fabric = None;
+        self.paths.wipe().map_err(io)?;
+        make_private(&self.paths.directory).map_err(io)?;
+        make_private(&self.paths.root()).map_err(io)?;
+        let fabric = Fabric::join(&self.paths, "supervisor")?;
+        let mut services = Vec::new();
+        hold::<SonarScan>(&fabric, &mut services)?;
+        hold::<SonarMotion>(&fabric, &mut services)?;
+        hold::<CameraMotion>(&fabric, &mut services)?;
+        hold::<FilterVerdict>(&fabric, &mut services)?;
+        hold::<MapTile>(&fabric, &mut services)?;
+        hold::<WayChunk>(&fabric, &mut services)?;
+        hold::<MapSummary>(&fabric, &mut services)?;
+        hold::<Heartbeat>(&fabric, &mut services)?;
+        hold::<Progress>(&fabric, &mut services)?;
+        hold::<DeploymentStatus>(&fabric, &mut services)?;
+        hold::<TruthScan>(&fabric, &mut services)?;
+        hold::<TruthSurfaces>(&fabric, &mut services)?;
+        self.services = services;
+        self.fabric = Some(fabric);
+        Ok(())
+    }
+
+    /// The domain's folder.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.paths.directory
+    }
+
+    /// The run that this hold stands for.
+    #[must_use]
+    pub fn run(&self) -> u64 {
+        self.run
+    }
+
+    /// What a child is told: its environment is [`Membership::environment`].
+    #[must_use]
+    pub fn membership_for(&self, process: &str, incarnation: u32, settings_path: &Path) -> Membership {
+        Membership {
+            directory: self.paths.directory.clone(),
+            process: process.to_owned(),
+            run: self.run,
+            incarnation,
+            clock: self.clock,
+            settings_path: settings_path.to_owned(),
+        }
+    }
+
+    /// An input of the supervisor itself.
+    ///
+    /// # Errors
+    /// When no place is left on the service.
+    pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
+        let reader = Reader::new(&self.fabric()?.open()?, self.run)?;
+        self.listeners.extend(reader.listener());
+        Ok(reader)
+    }
+
+    /// An output of the supervisor itself.
+    ///
+    /// # Errors
+    /// When no place is left on the service.
+    pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
+        let writer = Writer::new(self.fabric()?.open()?, self.run, Rc::new(Cell::new(0)))?;
+        self.writers.push(writer.refresh());
+        Ok(writer)
+    }
+
+    /// Descriptors that become readable when a message waits on an input of the supervisor.
+    #[must_use]
+    pub fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        self.listeners.iter().map(|listener| listener_descriptor(listener)).collect()
+    }
+
+    /// Takes note of wake-ups and lets readers that have joined have what was sent; to be called after each wait.
+    pub fn refresh(&self) {
+        self.listeners.iter().for_each(|listener| drain(listener));
+        self.writers.iter().for_each(|writer| writer.refresh());
+    }
+
+    /// Removes what dead processes have left on the bus; to be called after each `waitpid`. Returns how many nodes were dead.
+    pub fn remove_the_dead(&self) -> usize {
+        self.fabric.as_ref().map_or(0, Fabric::remove_the_dead)
+    }
+
+    /// Waits until the last process has left, and removes everything the domain put anywhere.
+    ///
+    /// # Errors
+    /// When processes stay, or the file system refuses.
+    pub fn close(mut self) -> Result<(), DomainError> {
+        self.release();
+        demolish(&self.paths)
+    }
+
+    fn release(&mut self) {
+        self.writers.clear();
+        self.listeners.clear();
+        self.services.clear();
+        self.fabric = None;
+    }
+
+    fn fabric(&self) -> Result<&Fabric, BusError> {
+        self.fabric.as_ref().ok_or(BusError::NoService { service: "any" })
+    }
+}
+
+fn hold<T: Payload>(fabric: &Fabric, services: &mut Vec<Box<dyn std::any::Any>>) -> Result<(), BusError> {
+    services.push(Box::new(fabric.create::<T>()?));
+    Ok(())
+}
+
+/// A deployment that runs on this machine under this user.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunningDomain {
+    paths: DomainPaths,
+    run: u64,
+    pid: u32,
+}
+
+impl RunningDomain {
+    /// Every deployment that runs, by name.
+    ///
+    /// # Errors
+    /// When the runtime folder cannot be read.
+    pub fn all() -> Result<Vec<Self>, DomainError> {
+        let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
+        let mut running: Vec<Self> =
+            names(&runtime).into_iter().filter_map(|name| Self::look(&DomainPaths::new(&runtime, &name))).collect();
+        running.sort_by(|a, b| a.paths.name.cmp(&b.paths.name));
+        Ok(running)
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.paths.name
+    }
+
+    /// Process id of its supervisor.
+    #[must_use]
+    pub fn pid(&self) -> u32 {
+        self.pid
+    }
+
+    /// Its folder.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.paths.directory
+    }
+
+    pub(crate) fn run(&self) -> u64 {
+        self.run
+    }
+
+    pub(crate) fn paths(&self) -> &DomainPaths {
+        &self.paths
+    }
+
+    fn look(paths: &DomainPaths) -> Option<Self> {
+        let mut file = File::open(&paths.lock).ok()?;
+        if flock(&file, FlockOperation::NonBlockingLockShared).is_ok() {
+            return None;
+        }
+        let mut text = String::new();
+        file.read_to_string(&mut text).ok()?;
+        let (pid, run) = text.split_once(' ')?;
+        Some(Self { paths: paths.clone(), run: u64::from_str_radix(run, 16).ok()?, pid: pid.parse().ok()? })
+    }
+}
+
+/// Says that this process lives in the domain, as long as the file is held.
+pub(crate) fn join_members(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.members.clone(), source };
+    if !paths.directory.is_dir() {
+        return Err(DomainError::NoDomain { name: paths.name.clone() });
+    }
+    let file = open_lock_file(&paths.members).map_err(io)?;
+    flock(&file, FlockOperation::LockShared).map_err(|error| io(error.into()))?;
+    Ok(file)
+}
+
+/// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone.
+///
+/// # Errors
+/// When another supervisor has taken the domain, processes stay, or the file system refuses.
+pub fn sweep(directory: &Path) -> Result<(), DomainError> {
+    let paths = DomainPaths::of_directory(directory).ok_or_else(|| DomainError::Name { name: directory.display().to_string() })?;
+    let _lock = take_lock(&paths)?;
+    demolish(&paths)
+}
+
+fn demolish(paths: &DomainPaths) -> Result<(), DomainError> {
+    let _deserted = wait_until_deserted(paths)?;
+    let io = |source| DomainError::Io { path: paths.directory.clone(), source };
+    paths.wipe().map_err(io)?;
+    ignore_missing(std::fs::remove_file(&paths.members)).map_err(io)?;
+    ignore_missing(std::fs::remove_file(&paths.lock)).map_err(io)
+}
+
+/// Removes domains whose supervisor was killed and whose processes are gone, other than `except`.
+fn remove_abandoned(runtime: &Path, except: &str) {
+    for name in names(runtime) {
+        let paths = DomainPaths::new(runtime, &name);
+        let Ok(lock) = open_lock_file(&paths.lock) else { continue };
+        let free = |file: &File| flock(file, FlockOperation::NonBlockingLockExclusive).is_ok();
+        if name == except || !free(&lock) || !is_current(&lock, &paths.lock) {
+            continue;
+        }
+        let deserted = open_lock_file(&paths.members).is_ok_and(|members| free(&members));
+        if deserted && demolish(&paths).is_ok() {
+            tracing::info!("removed what deployment {name} had left behind");
+        }
+    }
+}
+
+fn names(runtime: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(runtime).into_iter().flatten().flatten();
+    entries.filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".lock")?.to_owned())).collect()
+}
+
+fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.lock.clone(), source };
+    let started = Instant::now();
+    loop {
+        let mut lock = open_lock_file(&paths.lock).map_err(io)?;
+        let taken = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
+        if taken && is_current(&lock, &paths.lock) {
+            return Ok(lock);
+        }
+        if started.elapsed() > LOCK_PATIENCE / 5 && !taken {
+            let mut pid = String::new();
+            lock.read_to_string(&mut pid).map_err(io)?;
+            let pid = pid.split(' ').next().unwrap_or_default().to_owned();
+            return Err(DomainError::Running { name: paths.name.clone(), pid });
+        }
+        pause();
+    }
+}
+
+fn wait_until_deserted(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.members.clone(), source };
+    let members = open_lock_file(&paths.members).map_err(io)?;
+    let started = Instant::now();
+    while flock(&members, FlockOperation::NonBlockingLockExclusive).is_err() {
+        if started.elapsed() > LOCK_PATIENCE {
+            return Err(DomainError::StillInhabited { name: paths.name.clone(), waited: LOCK_PATIENCE });
+        }
+        pause();
+    }
+    Ok(members)
+}
+
+/// The kernel has no way to wait for a file lock with a limit.
+fn pause() {
+    let _ = rustix::event::poll(&mut [], Some(&timespec(Duration::from_millis(5))));
+}
+
+fn open_lock_file(path: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
+}
+
+/// Whether the file behind the path is still the one that was opened, and locked.
+fn is_current(file: &File, path: &Path) -> bool {
+    let identity = |found: io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
+    identity(file.metadata()) == identity(std::fs::metadata(path))
+}
+
+fn check_name(name: &str) -> Result<(), DomainError> {
+    let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    if name.is_empty() || name.len() > 40 || !name.chars().all(allowed) {
+        return Err(DomainError::Name { name: name.to_owned() });
+    }
+    Ok(())
+}
+
+fn check_shared_memory() -> Result<(), DomainError> {
+    let found = rustix::fs::statvfs("/dev/shm").map_err(|error| DomainError::Io { path: "/dev/shm".into(), source: error.into() })?;
+    let free = found.f_bavail * found.f_frsize;
+    if free < NEEDED_SHARED_MEMORY {
+        return Err(DomainError::SharedMemory { free, needed: NEEDED_SHARED_MEMORY });
+    }
+    Ok(())
+}

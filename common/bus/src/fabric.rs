@@ -1,0 +1,161 @@
+//! The node of this process and the services it creates or opens.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeState, NodeView};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::{
+    AttributeSpecifier, AttributeVerifier, CallbackProgression, FileName, NodeBuilder, Path as IoxPath, SemanticString, ServiceName,
+    SignalHandlingMode, ipc,
+};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use messages::Payload;
+
+use crate::broken::BusError;
+use crate::paths::DomainPaths;
+use crate::slot::{HeaderSlot, Slot};
+
+/// Most processes that have one service open, spare places for killed ones included.
+const MAX_NODES: usize = 48;
+/// How long the remains of one dead node may take to remove.
+const CLEANUP_TIMEOUT: Duration = Duration::from_secs(1);
+
+pub(crate) type PubSub<T> = publish_subscribe::PortFactory<ipc::Service, Slot<T>, HeaderSlot>;
+pub(crate) type Wake = event::PortFactory<ipc::Service>;
+
+/// A service that this process has open: its messages and, when sends wake readers, its event.
+pub(crate) struct Opened<T: Payload> {
+    pub(crate) data: PubSub<T>,
+    pub(crate) wake: Option<Wake>,
+}
+
+/// The node of this process.
+pub(crate) struct Fabric {
+    node: Node<ipc::Service>,
+    config: Config,
+}
+
+impl Fabric {
+    pub(crate) fn join(paths: &DomainPaths, process: &str) -> Result<Self, BusError> {
+        let config = config(paths)?;
+        let name = process.try_into().map_err(|error| BusError::refused("cannot name the node", process, error))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|error| BusError::refused("cannot make the node", process, error))?;
+        Ok(Self { node, config })
+    }
+
+    /// Creates the service; the supervisor alone does, so that a process killed while starting leaves none half made.
+    pub(crate) fn create<T: Payload>(&self) -> Result<Opened<T>, BusError> {
+        let service = T::SERVICE;
+        let name = service_name(service.name)?;
+        let (key, value) = contract::<T>()?;
+        let attributes =
+            AttributeSpecifier::new().define(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))?;
+        let data = self.builder::<T>(&name).create_with_attributes(&attributes).map_err(|error| BusError::creating(service.name, error))?;
+        let wake = match service.wakes {
+            true => Some(self.event_builder::<T>(&name).create().map_err(|error| BusError::creating_event(service.name, error))?),
+            false => None,
+        };
+        Ok(Opened { data, wake })
+    }
+
+    pub(crate) fn open<T: Payload>(&self) -> Result<Opened<T>, BusError> {
+        let service = T::SERVICE;
+        let name = service_name(service.name)?;
+        let (key, value) = contract::<T>()?;
+        let attributes =
+            AttributeVerifier::new().require(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))?;
+        let data =
+            self.builder::<T>(&name).open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, T::HASH, error))?;
+        let wake = match service.wakes {
+            true => Some(self.event_builder::<T>(&name).open().map_err(|error| BusError::opening_event(service.name, error))?),
+            false => None,
+        };
+        Ok(Opened { data, wake })
+    }
+
+    /// Removes what dead processes have left in the domain. Returns how many nodes were dead.
+    pub(crate) fn remove_the_dead(&self) -> usize {
+        let mut dead = Vec::new();
+        let listed = Node::<ipc::Service>::list(&self.config, |state| {
+            if let NodeState::Dead(view) = state {
+                dead.push(view);
+            }
+            CallbackProgression::Continue
+        });
+        if let Err(error) = listed {
+            tracing::warn!("cannot list the nodes of the domain: {error:?}");
+        }
+        for view in &dead {
+            let id = view.id().value();
+            if let Err(error) = view.clone().blocking_remove_stale_resources(CLEANUP_TIMEOUT) {
+                tracing::warn!("cannot remove what dead node {id} left: {error:?}");
+            }
+        }
+        dead.len()
+    }
+
+    fn builder<T: Payload>(
+        &self,
+        name: &ServiceName,
+    ) -> iceoryx2::service::builder::publish_subscribe::Builder<Slot<T>, HeaderSlot, ipc::Service> {
+        let qos = T::SERVICE.qos;
+        self.node
+            .service_builder(name)
+            .publish_subscribe::<Slot<T>>()
+            .user_header::<HeaderSlot>()
+            .max_publishers(qos.publishers)
+            .max_subscribers(qos.subscribers)
+            .max_nodes(MAX_NODES)
+            .history_size(qos.history)
+            .subscriber_max_buffer_size(qos.buffer)
+            .subscriber_max_borrowed_samples(4)
+            .enable_safe_overflow(true)
+    }
+
+    fn event_builder<T: Payload>(&self, name: &ServiceName) -> iceoryx2::service::builder::event::Builder<ipc::Service> {
+        let qos = T::SERVICE.qos;
+        self.node.service_builder(name).event().max_listeners(qos.subscribers).max_notifiers(qos.publishers).max_nodes(MAX_NODES)
+    }
+}
+
+/// A listener of the service's event, if sends on it wake readers.
+pub(crate) fn listener<T: Payload>(opened: &Opened<T>) -> Result<Option<Rc<Listener<ipc::Service>>>, BusError> {
+    let Some(wake) = &opened.wake else { return Ok(None) };
+    let listener = wake.listener_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+    Ok(Some(Rc::new(listener)))
+}
+
+/// The configuration of iceoryx2 within one domain. Nobody cleans up but the supervisor.
+fn config(paths: &DomainPaths) -> Result<Config, BusError> {
+    let root = paths.root();
+    let refused = |detail: String| BusError::Refused { what: "cannot place", service: root.display().to_string(), detail };
+    let mut config = Config::default();
+    config.global.prefix = FileName::new(paths.prefix().as_bytes()).map_err(|error| refused(format!("{error:?}")))?;
+    let path = IoxPath::new(root.as_os_str().as_encoded_bytes()).map_err(|error| refused(format!("{error:?}")))?;
+    config.global.set_root_path(&path);
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    Ok(config)
+}
+
+fn service_name(name: &'static str) -> Result<ServiceName, BusError> {
+    ServiceName::new(name).map_err(|error| BusError::refused("cannot name", name, error))
+}
+
+/// Version and layout of the payload, as the one attribute of its service.
+fn contract<T: Payload>() -> Result<(AttributeKey, AttributeValue), BusError> {
+    let refused = |error| BusError::refused("cannot describe", T::SERVICE.name, error);
+    let contract = format!("version {} layout {:016x}", T::SERVICE.version, T::HASH);
+    let key: AttributeKey = "contract".try_into().map_err(refused)?;
+    let value: AttributeValue = contract.as_str().try_into().map_err(refused)?;
+    Ok((key, value))
+}

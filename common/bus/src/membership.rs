@@ -1,0 +1,187 @@
+//! What a process is told by its supervisor: which domain, which run, who it is.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use crate::clock::DeploymentClock;
+
+/// The environment that the supervisor gives to each of its children, and that [`Membership::from_env`] reads.
+const DOMAIN: &str = "STILLMAP_DOMAIN";
+const PROCESS: &str = "STILLMAP_PROCESS";
+const RUN: &str = "STILLMAP_RUN";
+const INCARNATION: &str = "STILLMAP_INCARNATION";
+const CLOCK: &str = "STILLMAP_CLOCK";
+const SETTINGS: &str = "STILLMAP_SETTINGS";
+
+/// The place of a process in its deployment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Membership {
+    pub(crate) directory: PathBuf,
+    pub(crate) process: String,
+    pub(crate) run: u64,
+    pub(crate) incarnation: u32,
+    pub(crate) clock: DeploymentClock,
+    pub(crate) settings_path: PathBuf,
+}
+
+/// An environment that no supervisor made.
+#[derive(Debug, thiserror::Error)]
+pub enum MembershipError {
+    /// A variable is missing: the process was not started by a supervisor.
+    #[error("{variable} is not set: this process is started by `stillmap run`, not by hand")]
+    Missing {
+        /// The variable.
+        variable: &'static str,
+    },
+    /// A variable cannot be read.
+    #[error("{variable} is {found:?}, expected {expected}")]
+    Malformed {
+        /// The variable.
+        variable: &'static str,
+        /// Its value.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+}
+
+impl Membership {
+    /// Reads the environment.
+    ///
+    /// # Errors
+    /// When a variable is missing or malformed.
+    pub fn from_env() -> Result<Self, MembershipError> {
+        Self::from_lookup(|key| std::env::var_os(key))
+    }
+
+    fn from_lookup(lookup: impl Fn(&'static str) -> Option<OsString>) -> Result<Self, MembershipError> {
+        let path = |variable| lookup(variable).map(PathBuf::from).ok_or(MembershipError::Missing { variable });
+        let text = |variable| {
+            let found = lookup(variable).ok_or(MembershipError::Missing { variable })?;
+            found.into_string().map_err(|found| MembershipError::Malformed {
+                variable,
+                found: found.to_string_lossy().into_owned(),
+                expected: "UTF-8",
+            })
+        };
+        let malformed = |variable, found: &str, expected| MembershipError::Malformed { variable, found: found.to_owned(), expected };
+
+        let run = text(RUN)?;
+        let incarnation = text(INCARNATION)?;
+        let clock = text(CLOCK)?;
+        let clock_parts: Option<DeploymentClock> = (|| {
+            let mut parts = clock.split(':');
+            let clock = DeploymentClock::from_parts(parts.next()?.parse().ok()?, parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
+            parts.next().is_none().then_some(clock)
+        })();
+        Ok(Self {
+            directory: path(DOMAIN)?,
+            process: text(PROCESS)?,
+            run: u64::from_str_radix(&run, 16).map_err(|_| malformed(RUN, &run, "a hexadecimal number"))?,
+            incarnation: incarnation.parse().map_err(|_| malformed(INCARNATION, &incarnation, "a number"))?,
+            clock: clock_parts.ok_or_else(|| malformed(CLOCK, &clock, "MONOTONIC_NS:REAL_NS:SPEED"))?,
+            settings_path: path(SETTINGS)?,
+        })
+    }
+
+    /// The environment that tells a child this membership.
+    #[must_use]
+    pub fn environment(&self) -> Vec<(&'static str, OsString)> {
+        let clock = format!("{}:{}:{}", self.clock.started_monotonic_ns, self.clock.started_real_ns, self.clock.speed());
+        vec![
+            (DOMAIN, self.directory.clone().into_os_string()),
+            (PROCESS, OsString::from(&self.process)),
+            (RUN, OsString::from(format!("{:016x}", self.run))),
+            (INCARNATION, OsString::from(self.incarnation.to_string())),
+            (CLOCK, OsString::from(clock)),
+            (SETTINGS, self.settings_path.clone().into_os_string()),
+        ]
+    }
+
+    /// Name of the process in its deployment.
+    #[must_use]
+    pub fn process(&self) -> &str {
+        &self.process
+    }
+
+    /// The run of the deployment, in every header.
+    #[must_use]
+    pub fn run(&self) -> u64 {
+        self.run
+    }
+
+    /// How often this process has been started before in this run.
+    #[must_use]
+    pub fn incarnation(&self) -> u32 {
+        self.incarnation
+    }
+
+    /// The deployment's clock.
+    #[must_use]
+    pub fn clock(&self) -> DeploymentClock {
+        self.clock
+    }
+
+    /// Deployment seconds that pass in a second of the wall clock.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.clock.speed()
+    }
+
+    /// The domain's folder, empty when the run starts and gone when it has ended.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// The settings of the deployment, whole, as a TOML file.
+    #[must_use]
+    pub fn settings_path(&self) -> &Path {
+        &self.settings_path
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> Membership {
+        Membership {
+            directory: "/run/stillmap/demo".into(),
+            process: "mapping".into(),
+            run: 0xfeed,
+            incarnation: 3,
+            clock: DeploymentClock::from_parts(12, 34, 2.5),
+            settings_path: "/run/stillmap/demo/settings.toml".into(),
+        }
+    }
+
+    #[test]
+    fn what_is_told_is_what_is_read() {
+        let told = example().environment();
+        let read =
+            Membership::from_lookup(|key| told.iter().find(|(name, _)| *name == key).map(|(_, value)| value.clone())).expect("readable");
+        assert_eq!(read, example());
+    }
+
+    #[test]
+    fn every_missing_or_malformed_variable_is_named() {
+        let told = example().environment();
+        for (missing, _) in &told {
+            let error = Membership::from_lookup(|key| {
+                told.iter().find(|(name, _)| *name == key && name != missing).map(|(_, value)| value.clone())
+            })
+            .expect_err("one is missing");
+            assert!(error.to_string().contains(missing), "{error}");
+        }
+        for malformed in [RUN, INCARNATION, CLOCK] {
+            let error = Membership::from_lookup(|key| {
+                told.iter()
+                    .find(|(name, _)| *name == key)
+                    .map(|(name, value)| if *name == malformed { "x:y".into() } else { value.clone() })
+            })
+            .expect_err("one is malformed");
+            assert!(error.to_string().starts_with(malformed), "{error}");
+        }
+    }
+}

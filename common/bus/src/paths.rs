@@ -1,0 +1,92 @@
+//! Where domains live on this machine.
+//!
+//! `<runtime>/<name>.lock` says that a supervisor lives, `<runtime>/<name>.members` that any process of the domain does, and
+//! `<runtime>/<name>/` holds what the deployment needs while it runs. `<runtime>` belongs to the user alone.
+
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+/// The folder of all domains of this user: `$STILLMAP_RUNTIME_DIR`, `$XDG_RUNTIME_DIR/stillmap`, or `/tmp/stillmap-<uid>`.
+///
+/// # Errors
+/// When it cannot be made, or is another user's (someone else could have put it there).
+pub(crate) fn runtime_dir() -> io::Result<PathBuf> {
+    let from_environment = |key: &str| std::env::var_os(key).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let uid = rustix::process::getuid().as_raw();
+    let path = from_environment("STILLMAP_RUNTIME_DIR")
+        .or_else(|| from_environment("XDG_RUNTIME_DIR").map(|run| run.join("stillmap")))
+        .unwrap_or_else(|| PathBuf::from(format!("/tmp/stillmap-{uid}")));
+    make_private(&path)?;
+    Ok(path)
+}
+
+/// Makes a folder that only its user may enter.
+pub(crate) fn make_private(path: &Path) -> io::Result<()> {
+    std::fs::DirBuilder::new().recursive(true).mode(0o700).create(path)?;
+    let found = std::fs::symlink_metadata(path)?;
+    let uid = rustix::process::getuid().as_raw();
+    if !found.is_dir() || found.uid() != uid || found.mode() & 0o022 != 0 {
+        return Err(io::Error::other(format!(
+            "{} is owned by user {} with mode {:o}, expected a folder of user {uid} that nobody else may write",
+            path.display(),
+            found.uid(),
+            found.mode() & 0o777
+        )));
+    }
+    Ok(())
+}
+
+/// The paths of one domain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct DomainPaths {
+    pub(crate) name: String,
+    pub(crate) lock: PathBuf,
+    pub(crate) members: PathBuf,
+    pub(crate) directory: PathBuf,
+}
+
+impl DomainPaths {
+    pub(crate) fn new(runtime: &Path, name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            lock: runtime.join(format!("{name}.lock")),
+            members: runtime.join(format!("{name}.members")),
+            directory: runtime.join(name),
+        }
+    }
+
+    /// The paths of a domain whose folder is known.
+    pub(crate) fn of_directory(directory: &Path) -> Option<Self> {
+        Some(Self::new(directory.parent()?, directory.file_name()?.to_str()?))
+    }
+
+    /// Root path of iceoryx2 within the domain.
+    pub(crate) fn root(&self) -> PathBuf {
+        self.directory.join("bus")
+    }
+
+    /// Prefix of the domain's files in `/dev/shm`: another one for every folder, since the folder of shared memory is one.
+    pub(crate) fn prefix(&self) -> String {
+        let hash = crc32fast::hash(self.directory.as_os_str().as_encoded_bytes());
+        format!("stillmap_{hash:08x}_")
+    }
+
+    /// Removes everything the domain ever put anywhere. Only while nothing lives in it.
+    pub(crate) fn wipe(&self) -> io::Result<()> {
+        let prefix = self.prefix();
+        for entry in std::fs::read_dir("/dev/shm")?.flatten() {
+            if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+                ignore_missing(std::fs::remove_file(entry.path()))?;
+            }
+        }
+        ignore_missing(std::fs::remove_dir_all(&self.directory))
+    }
+}
+
+pub(crate) fn ignore_missing(result: io::Result<()>) -> io::Result<()> {
+    match result {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}

@@ -1,0 +1,313 @@
+//! The run loop around a process: wake-ups, heartbeat, progress, signals, a clean end.
+
+use std::cell::{Cell, RefCell};
+use std::fs::File;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::prelude::{FileDescriptorBased, ipc};
+use messages::{Counter, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Progress, Text};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::broken::BusError;
+use crate::checkpoint::Checkpoint;
+use crate::domain::{DomainError, join_members};
+use crate::fabric::Fabric;
+use crate::membership::Membership;
+use crate::paths::DomainPaths;
+use crate::reader::Reader;
+use crate::signals::Signals;
+use crate::writer::{Refresh, Writer};
+
+/// Longest time between two heartbeats of a work loop that does not hang.
+const HEARTBEAT: Duration = Duration::from_millis(200);
+/// How long a finished process keeps its outputs, so that readers which have just joined get what it sent last.
+const LINGER: Duration = Duration::from_millis(100);
+
+/// Whatever a step fails with; the process ends and is started again.
+pub type StepError = Box<dyn std::error::Error + Send + Sync>;
+
+/// The work of a process.
+pub trait Process {
+    /// One round: takes everything that waits, publishes what follows from it. Called when an input, a file descriptor or a
+    /// due time woke the loop, and at least five times a second.
+    ///
+    /// # Errors
+    /// Anything that only a new start of the process can mend.
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError>;
+
+    /// File descriptors that wake the loop when they are readable.
+    fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        Vec::new()
+    }
+}
+
+/// What a step wants next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Next {
+    /// To be called when something comes.
+    Wait,
+    /// To be called when something comes, or after this time.
+    WaitAtMost(Duration),
+    /// To be called again at once.
+    Again,
+    /// Not to be called again: the process has done its work.
+    Finished,
+}
+
+/// What a step may ask of its shell.
+pub struct Context<'a> {
+    stopping: bool,
+    membership: &'a Membership,
+    report: &'a mut Report,
+}
+
+/// How a process ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The domain failed.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// The process failed.
+    #[error("{0}")]
+    Step(#[source] StepError),
+    /// Signals or waiting failed.
+    #[error("cannot wait: {0}")]
+    Wait(#[from] std::io::Error),
+}
+
+/// The place of a process on the bus.
+pub struct Shell {
+    membership: Membership,
+    fabric: Fabric,
+    signals: Signals,
+    heartbeats: Writer<Heartbeat>,
+    progress: Writer<Progress>,
+    listeners: Vec<Rc<Listener<ipc::Service>>>,
+    writers: Vec<Rc<dyn Refresh>>,
+    inputs: Vec<Rc<RefCell<InputCounters>>>,
+    sent: Rc<Cell<u64>>,
+    report: Report,
+    _member: File,
+}
+
+#[derive(Debug, Default)]
+struct Report {
+    rounds: u64,
+    note: Text<128>,
+    counters: Vec<Counter>,
+    answered: Option<(&'static str, u64)>,
+    answer_is_news: bool,
+}
+
+impl Shell {
+    /// Joins the domain that the membership names.
+    ///
+    /// # Errors
+    /// When the domain is gone, broken, or of another version.
+    pub fn join(membership: Membership) -> Result<Self, RunError> {
+        let signals = Signals::install()?;
+        let paths = DomainPaths::of_directory(membership.directory())
+            .ok_or_else(|| DomainError::NoDomain { name: membership.directory().display().to_string() })?;
+        let member = join_members(&paths)?;
+        let fabric = Fabric::join(&paths, membership.process())?;
+        let not_counted = Rc::new(Cell::new(0));
+        let heartbeats = Writer::new(fabric.open()?, membership.run, not_counted.clone())?;
+        let progress = Writer::new(fabric.open()?, membership.run, not_counted)?;
+        let writers = vec![heartbeats.refresh(), progress.refresh()];
+        let mut shell = Self {
+            membership,
+            fabric,
+            signals,
+            heartbeats,
+            progress,
+            listeners: Vec::new(),
+            writers,
+            inputs: Vec::new(),
+            sent: Rc::new(Cell::new(0)),
+            report: Report::default(),
+            _member: member,
+        };
+        shell.beat(Phase::Starting)?;
+        Ok(shell)
+    }
+
+    /// Declares an input: its messages wake the process.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
+        let reader = Reader::new(&self.fabric.open()?, self.membership.run)?;
+        self.listeners.extend(reader.listener());
+        self.inputs.push(reader.counters());
+        Ok(reader)
+    }
+
+    /// Declares an output.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
+        let writer = Writer::new(self.fabric.open()?, self.membership.run, self.sent.clone())?;
+        self.writers.push(writer.refresh());
+        Ok(writer)
+    }
+
+    /// Who this process is.
+    #[must_use]
+    pub fn membership(&self) -> &Membership {
+        &self.membership
+    }
+
+    /// Where this process keeps its state between its incarnations.
+    #[must_use]
+    pub fn checkpoint(&self) -> Checkpoint {
+        Checkpoint::new(self.membership.directory(), self.membership.process(), self.membership.run)
+    }
+
+    /// Runs the process until it has finished.
+    ///
+    /// # Errors
+    /// When a step fails, or the bus does.
+    pub fn run(mut self, process: &mut impl Process) -> Result<(), RunError> {
+        self.beat(Phase::Running)?;
+        let mut beaten = Instant::now();
+        loop {
+            let stopping = self.signals.requested().is_some();
+            let mut context = Context { stopping, membership: &self.membership, report: &mut self.report };
+            let next = process.step(&mut context).map_err(RunError::Step)?;
+            self.report.rounds += 1;
+            self.tell_progress()?;
+            if next == Next::Finished {
+                break;
+            }
+            if beaten.elapsed() >= HEARTBEAT {
+                self.beat(Phase::Running)?;
+                self.writers.iter().for_each(|writer| writer.refresh());
+                beaten = Instant::now();
+            }
+            let until_beat = HEARTBEAT.saturating_sub(beaten.elapsed());
+            let patience = match next {
+                Next::Again => Duration::ZERO,
+                Next::WaitAtMost(longest) => longest.min(until_beat),
+                Next::Wait | Next::Finished => until_beat,
+            };
+            // A request to stop that has been seen stays readable to nobody: its bytes are taken, so waiting does not spin.
+            self.wait(&process.descriptors(), patience)?;
+        }
+        self.beat(Phase::Ending)?;
+        if self.sent.get() > 0 {
+            self.writers.iter().for_each(|writer| writer.refresh());
+            rustix::event::poll(&mut [], Some(&timespec(LINGER))).map_err(std::io::Error::from)?;
+        }
+        Ok(())
+    }
+
+    fn wait(&self, descriptors: &[BorrowedFd<'_>], patience: Duration) -> Result<(), RunError> {
+        let mut polled = vec![PollFd::from_borrowed_fd(self.signals.as_fd(), PollFlags::IN)];
+        for listener in &self.listeners {
+            polled.push(PollFd::from_borrowed_fd(listener_descriptor(listener), PollFlags::IN));
+        }
+        for descriptor in descriptors {
+            polled.push(PollFd::from_borrowed_fd(*descriptor, PollFlags::IN));
+        }
+        match poll(&mut polled, Some(&timespec(patience))) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => (),
+            Err(error) => return Err(RunError::Wait(error.into())),
+        }
+        for listener in &self.listeners {
+            drain(listener);
+        }
+        Ok(())
+    }
+
+    fn tell_progress(&mut self) -> Result<(), BusError> {
+        if !std::mem::take(&mut self.report.answer_is_news) {
+            return Ok(());
+        }
+        let Some((service, answered)) = self.report.answered else { return Ok(()) };
+        let process = Text::new(self.membership.process());
+        self.progress.send(answered, 0, &Progress { process, service: Text::new(service), answered })
+    }
+
+    fn beat(&mut self, phase: Phase) -> Result<(), BusError> {
+        let (report, inputs, sent) = (&self.report, &self.inputs, self.sent.get());
+        let process = Text::new(self.membership.process());
+        self.heartbeats.send_with(report.rounds, 0, |heartbeat| {
+            heartbeat.process = process;
+            heartbeat.note = report.note;
+            heartbeat.progress = report.rounds;
+            heartbeat.sent = sent;
+            for (place, input) in heartbeat.inputs.iter_mut().zip(inputs) {
+                *place = *input.borrow();
+            }
+            for (place, counter) in heartbeat.counters.iter_mut().zip(&report.counters) {
+                *place = *counter;
+            }
+            heartbeat.inputs_count = inputs.len().min(MAX_INPUTS) as u32;
+            heartbeat.counters_count = report.counters.len() as u32;
+            heartbeat.pid = std::process::id();
+            heartbeat.phase = phase as u32;
+        })
+    }
+}
+
+impl Context<'_> {
+    /// Whether the process has been asked to stop: it finishes what it holds and then returns [`Next::Finished`].
+    #[must_use]
+    pub fn stopping(&self) -> bool {
+        self.stopping
+    }
+
+    /// Sensor time for drivers, ns since the Unix epoch: runs `speed` times faster than the wall. Nothing but a driver asks.
+    #[must_use]
+    pub fn now_ns(&self) -> u64 {
+        self.membership.clock().now_ns()
+    }
+
+    /// Says in words what the process is doing or missing; empty when there is nothing to say. Stays until said otherwise.
+    pub fn note(&mut self, words: &str) {
+        self.report.note = Text::new(words);
+    }
+
+    /// Sets a named counter of the heartbeat; at most 16 names, further ones are left out.
+    pub fn count(&mut self, name: &str, value: u64) {
+        let name = Text::new(name);
+        let counters = &mut self.report.counters;
+        if let Some(counter) = counters.iter_mut().find(|counter| counter.name == name) {
+            counter.value = value;
+        } else if counters.len() < MAX_COUNTERS {
+            counters.push(Counter { name, value });
+        }
+    }
+
+    /// Says that every message of the source stream `T` up to `seq` is answered for; lockstep playback goes by it.
+    pub fn answered<T: Payload>(&mut self, seq: u64) {
+        self.report.answered = Some((T::SERVICE.name, seq));
+        self.report.answer_is_news = true;
+    }
+}
+
+/// The descriptor that becomes readable when the listener's service wakes its readers.
+pub(crate) fn listener_descriptor(listener: &Listener<ipc::Service>) -> BorrowedFd<'_> {
+    // SAFETY: the listener owns the descriptor and keeps it open as long as it lives, which the borrow outlasts not.
+    #[expect(unsafe_code, reason = "iceoryx2 hands out the raw number only")]
+    unsafe {
+        BorrowedFd::borrow_raw(listener.file_descriptor().native_handle())
+    }
+}
+
+pub(crate) fn drain(listener: &Listener<ipc::Service>) {
+    if let Err(error) = listener.try_wait(|_| ()) {
+        tracing::debug!("cannot drain a wake-up: {error:?}");
+    }
+}
+
+pub(crate) fn timespec(duration: Duration) -> Timespec {
+    Timespec { tv_sec: duration.as_secs().try_into().unwrap_or(i64::MAX), tv_nsec: duration.subsec_nanos().into() }
+}
