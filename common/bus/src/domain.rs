@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
 use messages::{
-    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan, TruthScan,
-    TruthSurfaces, WayChunk,
+    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
+    TruthScan, TruthSurfaces, WayChunk,
 };
 use rustix::fs::{FlockOperation, flock};
 
@@ -147,6 +147,7 @@ impl Domain {
         hold::<Heartbeat>(&fabric, &mut services)?;
         hold::<Progress>(&fabric, &mut services)?;
         hold::<DeploymentStatus>(&fabric, &mut services)?;
+        hold::<LogLine>(&fabric, &mut services)?;
         hold::<TruthScan>(&fabric, &mut services)?;
         hold::<TruthSurfaces>(&fabric, &mut services)?;
         self.services = services;

@@ -23,6 +23,20 @@ pub enum Phase {
     Ending = 2,
 }
 
+/// How much a log line matters; the numbers are those of Foxglove's `Log`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum LogLevel {
+    /// For who looks for a fault.
+    Debug = 1,
+    /// What happens in the normal course.
+    Info = 2,
+    /// Something is degraded.
+    Warning = 3,
+    /// Something failed.
+    Error = 4,
+}
+
 /// What the supervisor knows of a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -133,6 +147,18 @@ plain! {
         pub answered: u64,
     }
 
+    /// A line that a process, or the supervisor itself, has logged.
+    pub struct LogLine {
+        /// Name in the deployment; `supervisor` for the supervisor's own.
+        pub process: Text<32>,
+        /// What it says, cut to what fits.
+        pub message: Text<480>,
+        /// [`LogLevel`] as a number.
+        pub level: u32,
+        /// Always 0.
+        pub reserved: u32,
+    }
+
     /// One process as the supervisor sees it.
     pub struct ProcessStatus {
         /// Name in the deployment.
@@ -199,6 +225,20 @@ impl Payload for Progress {
 
     fn validate(&self) -> Result<(), Invalid> {
         Ok(())
+    }
+}
+
+impl Payload for LogLine {
+    const SERVICE: Service = Service {
+        name: "health/log",
+        version: 1,
+        qos: Qos { history: 64, buffer: 256, publishers: 3, subscribers: 12 },
+        wakes: true,
+        sequenced: false,
+    };
+
+    fn validate(&self) -> Result<(), Invalid> {
+        within("level", f64::from(self.level), 1.0, 4.0, "1 to 4")
     }
 }
 

@@ -23,8 +23,8 @@ mod verdict;
 pub use camera::{FRAME_SERVICE, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat};
 pub use header::{Header, Kind};
 pub use health::{
-    Counter, DeploymentStatus, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState, ProcessStatus,
-    Progress,
+    Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,
+    ProcessStatus, Progress,
 };
 pub use layout::Layout;
 pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, WayChunk};
