@@ -1,0 +1,1 @@
+//! Fuzzy-tuned integration (FTI): which readings a moving thing caused.

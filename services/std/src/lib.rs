@@ -1,0 +1,1 @@
+//! Sonar temporal difference (STD): what moves, as the sonars see it.
