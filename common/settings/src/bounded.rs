@@ -161,7 +161,7 @@ macro_rules! bounded {
 macro_rules! one_of {
     ($($(#[$doc:meta])* $name:ident: $number:ident of [$($possible:literal),+] $(, default $default:literal)?;)+) => {$(
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub struct $name($number);
 
         impl $name {

@@ -28,7 +28,7 @@ pub struct Settings {
     #[serde(default)]
     pub pace: Pace,
     /// Folder for the log and the map; relative to the settings file.
-    #[serde(default = "default_out")]
+    #[serde(default = "default_out", deserialize_with = "crate::text::path")]
     pub out: PathBuf,
     /// `[[process]]`: the processes, in the order of starting.
     #[schemars(length(min = 1, max = 23))]

@@ -5,7 +5,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod bounded;
+mod check;
 mod deployment;
+mod document;
+mod error;
+mod files;
+mod located;
 mod mapping;
 mod pioneer;
 mod playback;
@@ -17,7 +22,10 @@ mod supervisor;
 mod text;
 
 pub use bounded::OutOfRange;
+pub use check::{MAX_PROCESSES, MAX_SONARS};
 pub use deployment::{Pace, Settings};
+pub use document::{MAX_BYTES, parse, parse_checked, read_text};
+pub use error::{Fault, SettingsError};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, NoEchoFree,
     OccupiedFade, OccupiedPeak, RangeSpread, Tuning,

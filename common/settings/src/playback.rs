@@ -17,6 +17,7 @@ bounded! {
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Playback {
     /// The log; relative to the settings file.
+    #[serde(deserialize_with = "crate::text::path")]
     pub log: PathBuf,
     /// How far lockstep publishes ahead of the slowest consumer.
     pub window: Window,

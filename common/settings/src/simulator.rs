@@ -17,6 +17,7 @@ bounded! {
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Simulator {
     /// The world's file; relative to the settings file.
+    #[serde(deserialize_with = "crate::text::path")]
     pub world: PathBuf,
     /// Seed of everything random in the world: the same seed gives the same drive.
     pub seed: Seed,

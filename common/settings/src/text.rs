@@ -5,7 +5,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A text that does not have the form of its setting.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -94,12 +95,25 @@ impl TryFrom<PathBuf> for Port {
     type Error = BadText;
 
     fn try_from(path: PathBuf) -> Result<Self, BadText> {
-        match path.to_str() {
-            Some("") => Err(BadText { expected: "\"simulator\" or the path of a serial device" }),
-            Some(SIMULATOR) => Ok(Self::Simulator),
-            _ => Ok(Self::Device(path)),
+        if path.as_os_str() == SIMULATOR {
+            Ok(Self::Simulator)
+        } else if names_a_place(&path) {
+            Ok(Self::Device(path))
+        } else {
+            Err(BadText { expected: "\"simulator\" or the path of a serial device" })
         }
     }
+}
+
+/// Deserializes a path that can be opened at all.
+pub(crate) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
+    let path = PathBuf::deserialize(deserializer)?;
+    if names_a_place(&path) { Ok(path) } else { Err(D::Error::custom(BadText { expected: "a path" })) }
+}
+
+fn names_a_place(path: &Path) -> bool {
+    let bytes = path.as_os_str().as_encoded_bytes();
+    !bytes.is_empty() && !bytes.contains(&0)
 }
 
 impl From<Port> for PathBuf {

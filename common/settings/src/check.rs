@@ -1,0 +1,93 @@
+//! What the sections of a deployment owe each other.
+
+use std::collections::HashSet;
+
+use crate::{BuiltIn, Fault, Pace, Port, Program, Settings};
+
+/// Most processes of a deployment; the supervisor takes one more place in its status.
+pub const MAX_PROCESSES: usize = 23;
+/// Most sonars of a ring.
+pub const MAX_SONARS: usize = 16;
+
+impl Settings {
+    /// Checks what no section can say alone.
+    ///
+    /// # Errors
+    /// The first key that does not go with the others.
+    pub fn check(&self) -> Result<(), Fault> {
+        self.check_processes()?;
+        self.check_source()?;
+        self.check_lists()?;
+        let (first, last) = (self.supervisor.backoff_first_s.get(), self.supervisor.backoff_last_s.get());
+        if first > last {
+            return Err(Fault::new("supervisor.backoff_first_s", format!("at most backoff_last_s, which is {last} s")));
+        }
+        Ok(())
+    }
+
+    /// Whether a process of the deployment runs this.
+    #[must_use]
+    pub fn runs(&self, kind: BuiltIn) -> bool {
+        self.process.iter().any(|process| process.runs(kind))
+    }
+
+    fn check_processes(&self) -> Result<(), Fault> {
+        if !(1..=MAX_PROCESSES).contains(&self.process.len()) {
+            return Err(Fault::new("process", format!("1 to {MAX_PROCESSES} processes, found {}", self.process.len())));
+        }
+        let mut names = HashSet::new();
+        let mut kinds = HashSet::new();
+        for (index, process) in self.process.iter().enumerate() {
+            if !names.insert(&process.name) {
+                return Err(Fault::new(format!("process[{index}].name"), "a name that no other process has"));
+            }
+            match &process.program {
+                // Two of a kind would publish the same services or write the same file.
+                Program::BuiltIn(kind) if !kinds.insert(*kind) => {
+                    return Err(Fault::new(format!("process[{index}].run"), "each built-in process once"));
+                }
+                Program::Command(command) if command.first().is_none_or(String::is_empty) => {
+                    return Err(Fault::new(format!("process[{index}].command"), "a program and its arguments"));
+                }
+                Program::Command(command) if command.iter().any(|word| word.contains('\0')) => {
+                    return Err(Fault::new(format!("process[{index}].command"), "words without a zero byte"));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Scans come from one place, and at the pace that it can keep.
+    fn check_source(&self) -> Result<(), Fault> {
+        let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
+        let sources: Vec<usize> = (0..self.process.len())
+            .filter(|index| self.process[*index].runs(BuiltIn::Pioneer) || self.process[*index].runs(BuiltIn::Playback))
+            .collect();
+        match sources.as_slice() {
+            [] if !foreign => return Err(Fault::new("process", "a source of scans: run = \"pioneer\" or \"playback\", or a command")),
+            [_, second, ..] => {
+                return Err(Fault::new(format!("process[{second}].run"), "one source of scans, either \"pioneer\" or \"playback\""));
+            }
+            _ => {}
+        }
+        if self.runs(BuiltIn::Pioneer) && self.pioneer.port == Port::Simulator && !self.runs(BuiltIn::Simulator) {
+            return Err(Fault::new("pioneer.port", "the path of a serial device, or else a process with run = \"simulator\""));
+        }
+        if self.pace == Pace::Lockstep && (self.runs(BuiltIn::Pioneer) || self.runs(BuiltIn::Simulator)) {
+            return Err(Fault::new("pace", "\"live\", for a robot waits for nobody"));
+        }
+        Ok(())
+    }
+
+    fn check_lists(&self) -> Result<(), Fault> {
+        if self.robot.sonar.len() > MAX_SONARS {
+            return Err(Fault::new("robot.sonar", format!("at most {MAX_SONARS} sonars, found {}", self.robot.sonar.len())));
+        }
+        let mut bauds = HashSet::new();
+        if self.pioneer.bauds.is_empty() || !self.pioneer.bauds.iter().all(|baud| bauds.insert(baud)) {
+            return Err(Fault::new("pioneer.bauds", "at least one speed, and each once"));
+        }
+        Ok(())
+    }
+}
