@@ -1,0 +1,111 @@
+//! People: a way through the world and two legs that step along it.
+
+use messages::Pose;
+
+use crate::geometry::{Circle, Vector, angle, direction};
+use crate::journey::{Journey, Moment, Turning, Waypoint};
+use crate::world;
+
+/// Radius of a trousered shin at the height of the sonars, m.
+const LEG_RADIUS_M: f64 = 0.07;
+
+/// Each leg's distance to the side of the body's middle, m.
+const HALF_STANCE_M: f64 = 0.09;
+
+/// Somebody on two legs.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Walker {
+    journey: Journey,
+    step_m: f64,
+}
+
+impl Walker {
+    pub(crate) fn new(walker: &world::Walker) -> Self {
+        let from = walker.from_m.vector();
+        let waypoints: Vec<Waypoint> = walker.way.iter().map(Waypoint::from).collect();
+        let onward = waypoints.first().map_or(Vector::zeros(), |first| first.place - from);
+        let start = Pose { x_m: from.x, y_m: from.y, yaw_rad: angle(&onward) };
+        let journey = Journey::new(walker.start_s.get(), start, walker.speed_m_s.get(), Turning::AtOnce, &waypoints);
+        Self { journey, step_m: walker.step_m.get() }
+    }
+
+    /// The middle of the body; of a walker who has not come yet or has left, the nearer end of the way.
+    pub(crate) fn place(&self, time_s: f64) -> Vector {
+        let pose = self.journey.at(time_s).pose;
+        Vector::new(pose.x_m, pose.y_m)
+    }
+
+    /// The two legs, left and right; `None` while the walker is not in the world.
+    pub(crate) fn legs(&self, time_s: f64) -> Option<[Circle; 2]> {
+        if time_s < self.journey.start_s() || time_s >= self.journey.end_s() {
+            return None;
+        }
+        let moment = self.journey.at(time_s);
+        let place = Vector::new(moment.pose.x_m, moment.pose.y_m);
+        let ahead = direction(moment.pose.yaw_rad);
+        let left = Vector::new(-ahead.y, ahead.x) * HALF_STANCE_M;
+        let stride = ahead * self.stride_m(&moment);
+        Some([place + left + stride, place - left - stride].map(|centre| Circle { centre, radius_m: LEG_RADIUS_M }))
+    }
+
+    /// How far the left leg is before the body.
+    ///
+    /// In each step one foot stands on the ground while the other swings past it at twice the body's speed: in the body's
+    /// frame both move at the body's speed, one back, one forward. Feet draw together towards every stop.
+    fn stride_m(&self, moment: &Moment) -> f64 {
+        let phase = (moment.covered_m / (2.0 * self.step_m)).fract();
+        let swing = 4.0 * (phase - 0.5).abs() - 1.0;
+        swing * (self.step_m / 2.0).min(moment.from_stand_m)
+    }
+}
+
+impl From<&world::Goal> for Waypoint {
+    fn from(goal: &world::Goal) -> Self {
+        Self { place: goal.to_m.vector(), stop_s: goal.stop_s.get() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walker() -> Walker {
+        let walker = "from_m = [0, 0]\nstart_s = 2\nspeed_m_s = 1\nstep_m = 0.5\nway = [{ to_m = [4, 0], stop_s = 3 }, { to_m = [4, 4] }]";
+        Walker::new(&toml::from_str(walker).unwrap())
+    }
+
+    #[test]
+    fn in_the_world_from_the_start_to_the_end_of_the_way() {
+        let walker = walker();
+        assert_eq!(walker.legs(1.99), None);
+        assert!(walker.legs(2.0).is_some());
+        assert!(walker.legs(12.9).is_some());
+        assert_eq!(walker.legs(13.1), None);
+        assert!((walker.place(0.0) - Vector::new(0.0, 0.0)).norm() < 1e-9);
+        assert!((walker.place(99.0) - Vector::new(4.0, 4.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn one_foot_stands_while_the_other_swings_at_twice_the_speed() {
+        let walker = walker();
+        let mut stood = 0;
+        for step in 0..20 {
+            // From 1 m to 3 m of way: strides are full there.
+            let time_s = 3.005 + f64::from(step) * 0.1;
+            let (before, after) = (walker.legs(time_s).unwrap(), walker.legs(time_s + 0.01).unwrap());
+            let speeds: Vec<f64> = (0..2).map(|leg| (after[leg].centre - before[leg].centre).norm() / 0.01).collect();
+            let (slow, fast) = (speeds[0].min(speeds[1]), speeds[0].max(speeds[1]));
+            if slow < 1e-6 && (fast - 2.0).abs() < 1e-6 {
+                stood += 1;
+            }
+        }
+        assert!(stood >= 18, "{stood} of 20: the rest may be the moments at which the feet change");
+    }
+
+    #[test]
+    fn feet_are_together_at_a_stop() {
+        let [left, right] = walker().legs(7.0).unwrap();
+        assert!((left.centre - Vector::new(4.0, HALF_STANCE_M)).norm() < 1e-9, "{left:?}");
+        assert!((right.centre - Vector::new(4.0, -HALF_STANCE_M)).norm() < 1e-9, "{right:?}");
+    }
+}
