@@ -1,0 +1,111 @@
+//! Golden values of the sensor model, the update and the one-dimensional study, each computed by two independent writings.
+
+use grid::{Cell, Lattice};
+use messages::{Pose, SonarReading};
+use serde_json::Value;
+use settings::Pace;
+
+use crate::Parameters;
+use crate::integrate::{add, integrate, probability};
+use crate::parameters::SensorParameters;
+use crate::sensor_model::{Extent, SensorModel};
+use crate::tuning::Tuned;
+
+const TOLERANCE: f64 = 1e-6;
+
+fn golden(file: &str) -> Value {
+    let path = format!("{}/../../tests/data/sonar/{file}", env!("CARGO_MANIFEST_DIR"));
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
+}
+
+fn parameters(change: impl FnOnce(&mut settings::Mapping)) -> Parameters {
+    let mut settings = settings::Mapping::default();
+    change(&mut settings);
+    Parameters::new(&settings, Pace::Lockstep).unwrap()
+}
+
+#[test]
+fn eq_2_agrees() {
+    let file = golden("sensor_model.json");
+    let models = file["models"].as_array().unwrap();
+    assert_eq!(models.len(), 4);
+    for golden in models {
+        let number = |key: &str| golden[key].as_f64().unwrap();
+        let sensor = SensorParameters { k_o: number("k_o"), sigma_r_m: number("sigma_r"), no_echo_free_m: 1.2, fades: None };
+        let tuned = Tuned {
+            theta_bar_rad: number("theta_bar_deg").to_radians(),
+            sigma_theta_rad: number("sigma_theta_deg").to_radians(),
+            k_e: number("k_e"),
+        };
+        let range = number("r");
+        let echo = Extent::of_echo(&sensor, range);
+        let silence = Extent::of_silence(&sensor, range);
+        let model_of = |extent| SensorModel::new(&sensor, range, extent, tuned);
+        assert!((f64::from(model_of(echo).a) - number("a")).abs() < TOLERANCE);
+        assert!((echo.b - number("b")).abs() < 1e-12 && (echo.c - number("c")).abs() < 1e-12);
+        for row in golden["values"].as_array().unwrap() {
+            let [z, theta_deg, p_echo, p_silence] = numbers(row).try_into().unwrap();
+            let theta = theta_deg.to_radians() as f32;
+            for (extent, expected) in [(echo, p_echo), (silence, p_silence)] {
+                let model = model_of(extent);
+                let p = probability(model.log_odds(z as f32, theta));
+                assert!((p - expected).abs() < TOLERANCE, "p({z}, {theta_deg}°) = {p}, expected {expected}, {golden:.0}");
+                if (z as f32) < model.a {
+                    assert_eq!(model.free_log_odds(z as f32, theta), model.log_odds(z as f32, theta));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn eq_3_agrees() {
+    let sequences = golden("bayes.json");
+    for sequence in sequences.as_array().unwrap() {
+        let l_max = sequence["l_max"].as_f64().unwrap() as f32;
+        let mut log_odds = 0.0;
+        for (p, expected) in numbers(&sequence["p"]).into_iter().zip(numbers(&sequence["P_after"])) {
+            log_odds = add(log_odds, (p / (1.0 - p)).ln() as f32, l_max);
+            assert!((probability(log_odds) - expected).abs() < TOLERANCE, "{sequence}");
+        }
+    }
+}
+
+/// Section 7.1 of the paper: one axis, one sensor at 0. A beam of a degree holds no cell beside the axis.
+#[test]
+fn the_one_dimensional_study_agrees() {
+    // Nothing tuned: the middle of k_e, as the profiles have it.
+    let fixed_k_e = [[settings::FreePeak::try_from(0.40).unwrap(); 3]; 3];
+    for (name, k_e) in [("tuned", None), ("fixed", Some(fixed_k_e))] {
+        let parameters = parameters(|settings| {
+            settings.half_beam_deg = settings::HalfBeam::try_from(1.0).unwrap();
+            settings.fades = false;
+            settings.tuning.enabled = k_e.is_none();
+            settings.tuning.k_e = k_e.unwrap_or(settings.tuning.k_e);
+        });
+        let study = &golden("study_1d.json")[name];
+        let mut lattice = Lattice::new(parameters.cell);
+        let robot = Pose { y_m: parameters.cell.centre_of(0), ..Pose::default() };
+        let mut compared = 0;
+        for reading in 1..=24 {
+            let range_m = match reading {
+                1..=8 => 1.0,
+                9..=16 => 1.6,
+                _ => 0.5,
+            };
+            integrate(&mut lattice, &parameters, &robot, &SonarReading { range_m, echo: 1, ..SonarReading::default() }, false);
+            let Some(profile) = study["profiles"].get(reading.to_string()) else { continue };
+            for (z, expected) in numbers(&study["z"]).into_iter().zip(numbers(profile)) {
+                let found = probability(lattice.get(parameters.cell.cell_at(z, robot.y_m)));
+                assert!((found - expected).abs() < TOLERANCE, "{name}, after {reading}, at {z} m: {found}, expected {expected}");
+                compared += 1;
+            }
+            assert!((-9..60).all(|column| [-1, 1].iter().all(|&row| lattice.get(Cell { row, column }) == 0.0)));
+        }
+        assert_eq!(compared, 6 * 50);
+    }
+}

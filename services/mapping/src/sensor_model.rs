@@ -1,0 +1,129 @@
+//! The sensor model (eq. 2) with its two limits, as log-odds.
+
+use crate::numeric::{exp, ln};
+use crate::parameters::SensorParameters;
+use crate::tuning::Tuned;
+
+/// A fade's steepness: δ(x; m) = ½ (1 − tanh 2 (x − m)) = 1 / (1 + exp 4 (x − m)).
+const FADE_PER_M: f64 = 4.0;
+
+/// Where the parts of eq. 2 begin and end, m: free before `a`, rising from `a` to `b`, occupied from `b` to `c`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Extent {
+    pub(crate) b: f64,
+    pub(crate) c: f64,
+    /// Peak probability at this range; 0.5 without an echo.
+    k_o: f64,
+}
+
+impl Extent {
+    /// Of an echo from `range_m`.
+    pub(crate) fn of_echo(parameters: &SensorParameters, range_m: f64) -> Self {
+        let k_o = match parameters.fades {
+            // A little above one half, so that the reading's place keeps an extent.
+            Some(fades) => 0.501 + (parameters.k_o - 0.501) * fade(range_m, fades.occupied_m),
+            None => parameters.k_o,
+        };
+        let half = parameters.sigma_r_m * (2.0 * k_o).ln().sqrt();
+        Self { b: range_m - half, c: range_m + half, k_o }
+    }
+
+    /// Of no echo up to `range_m`: it has no occupied part, and beyond a distance silence is as likely a wall that reflects away.
+    pub(crate) fn of_silence(parameters: &SensorParameters, range_m: f64) -> Self {
+        let end = (range_m - parameters.sigma_r_m).min(parameters.no_echo_free_m);
+        Self { b: end, c: end, k_o: 0.5 }
+    }
+
+    /// The same reading without its occupied part.
+    pub(crate) fn without_surface(self) -> Self {
+        Self { c: self.b, ..self }
+    }
+}
+
+fn fade(x_m: f64, half_at_m: f64) -> f64 {
+    1.0 / (1.0 + (FADE_PER_M * (x_m - half_at_m)).exp())
+}
+
+/// Eq. 2 for one reading, ready to be asked for many cells.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SensorModel {
+    range: f32,
+    pub(crate) a: f32,
+    b: f32,
+    c: f32,
+    k_o: f32,
+    inverse_sigma_r2: f32,
+    theta_bar: f32,
+    inverse_sigma_theta2: f32,
+    /// ½ − k_e.
+    emptiness: f32,
+    /// Where emptiness has lost half its weight; `None` when it never does.
+    free_fade: Option<f32>,
+}
+
+impl SensorModel {
+    pub(crate) fn new(parameters: &SensorParameters, range_m: f64, extent: Extent, tuned: Tuned) -> Self {
+        let emptiness_at_b = (0.5 - tuned.k_e) * parameters.fades.map_or(1.0, |fades| fade(extent.b, fades.free_m));
+        // Continuity at a: k_o G(a) = k_e. The fade changes little over the few centimetres from a to b and is taken at b.
+        let rise = parameters.sigma_r_m * (extent.k_o / (0.5 - emptiness_at_b)).ln().max(0.0).sqrt();
+        let a = if extent.k_o > 0.5 { (range_m - rise).min(extent.b) } else { extent.b };
+        Self {
+            range: range_m as f32,
+            a: a as f32,
+            b: extent.b as f32,
+            c: extent.c as f32,
+            k_o: extent.k_o as f32,
+            inverse_sigma_r2: parameters.sigma_r_m.powi(-2) as f32,
+            theta_bar: tuned.theta_bar_rad as f32,
+            inverse_sigma_theta2: tuned.sigma_theta_rad.powi(-2) as f32,
+            emptiness: (0.5 - tuned.k_e) as f32,
+            free_fade: parameters.fades.map(|fades| fades.free_m as f32),
+        }
+    }
+
+    /// ln (p / (1 − p)) of eq. 2's p for a cell at distance `z` m before the arc (z < a) and azimuth `theta` rad.
+    #[inline(always)]
+    pub(crate) fn free_log_odds(&self, z: f32, theta: f32) -> f32 {
+        -log_odds_above_half(self.emptiness_at(z) * self.angular(theta))
+    }
+
+    /// ln (p / (1 − p)) of eq. 2's p for a cell at distance `z` m and azimuth `theta` rad; 0 where nothing is said.
+    #[inline(always)]
+    pub(crate) fn log_odds(&self, z: f32, theta: f32) -> f32 {
+        let surface = self.k_o * exp(-(self.range - z) * (self.range - z) * self.inverse_sigma_r2);
+        let radial = if z < self.a {
+            self.emptiness_at(z)
+        } else if z < self.b {
+            1.0 - surface
+        } else if z < self.c {
+            surface
+        } else {
+            0.0
+        };
+        let said = log_odds_above_half(radial * self.angular(theta));
+        if z < self.b { -said } else { said }
+    }
+
+    /// 1 − k_e(z).
+    #[inline(always)]
+    fn emptiness_at(&self, z: f32) -> f32 {
+        match self.free_fade {
+            Some(half_at) => 0.5 + self.emptiness / (1.0 + exp(FADE_PER_M as f32 * (z - half_at))),
+            None => 0.5 + self.emptiness,
+        }
+    }
+
+    /// A(θ).
+    #[inline(always)]
+    fn angular(&self, theta: f32) -> f32 {
+        let off = theta - self.theta_bar;
+        exp(-off * off * self.inverse_sigma_theta2)
+    }
+}
+
+/// ln (q / (1 − q)) where q > ½, else 0: below one half eq. 2 says nothing.
+#[inline(always)]
+fn log_odds_above_half(q: f32) -> f32 {
+    let q = if q > 0.5 { q } else { 0.5 };
+    ln(q / (1.0 - q))
+}
