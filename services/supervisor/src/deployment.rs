@@ -298,7 +298,8 @@ impl Deployment {
                 actions.push(Action::Tell(Notice::Restarting { process, cause, after: until - now }));
             }
             None => {
-                let budget = format!("{cause}; {} restarts in {} s were not enough", self.policy.restarts, self.policy.within.as_secs_f64());
+                let budget =
+                    format!("{cause}; {} restarts in {} s were not enough", self.policy.restarts, self.policy.within.as_secs_f64());
                 self.fail(process, budget, actions);
             }
         }

@@ -374,7 +374,7 @@ impl World {
         self.feed(Event::Tick);
         for process in 0..self.children.len() {
             let live = self.it.processes()[process].is_live();
-            assert_eq!(live, self.children[process].is_some() , "the machine and the world disagree about process {process}");
+            assert_eq!(live, self.children[process].is_some(), "the machine and the world disagree about process {process}");
             let silence = self.now - self.silent_since[process];
             assert!(!live || silence <= ms(11_000), "process {process} hangs for {silence:?} and lives");
         }

@@ -1,0 +1,390 @@
+//! The shell around the state machine: children, the bus, the clock, signals.
+
+use crate::child::{Child, usage};
+use crate::deployment::{Action, Deployment, Event};
+use crate::guard::Guard;
+use crate::lifecycle::{Exit, State};
+use crate::notices;
+use crate::outcome::Outcome;
+use crate::plan::{plans, policy};
+use crate::vitals::{MachineUnits, Vitals};
+use bus::{BusError, Domain, DomainError, Reader, Received, Writer};
+use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Text};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::Signal;
+use settings::{Program, Settings, SettingsError};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::collections::VecDeque;
+use std::io::{self, Read};
+use std::os::fd::AsFd;
+use std::os::unix::net::UnixStream;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// How often heartbeats are looked at; they wake nobody.
+const LOOK: Duration = Duration::from_millis(100);
+/// The same while a process starts: its first heartbeat lets the next one start.
+const LOOK_AT_START: Duration = Duration::from_millis(10);
+/// How often the status is published when nothing changes, and rates are measured.
+const SAMPLE: Duration = Duration::from_secs(1);
+
+/// How to run a deployment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Deployment seconds that pass in a second of the wall clock.
+    pub speed: f64,
+    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard`].
+    pub executable: PathBuf,
+}
+
+/// What happens while a deployment runs.
+#[derive(Debug, Clone, Copy)]
+pub enum Report<'a> {
+    /// The state of all processes; once a second and when something has changed.
+    Status(&'a DeploymentStatus),
+    /// The map is finished.
+    Map(&'a MapSummary),
+}
+
+/// A deployment that could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The settings cannot be handed to the processes.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The domain is taken or cannot be made.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// The supervisor's own use of the bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The system refused.
+    #[error("{what}: {source}")]
+    System {
+        /// What was wanted.
+        what: &'static str,
+        /// What it says.
+        source: io::Error,
+    },
+}
+
+/// Runs a deployment to its end: until a process that ends the run has finished, or somebody asks (SIGINT, SIGTERM, SIGHUP).
+///
+/// To be called from the main thread: children die when the thread that started them ends.
+///
+/// # Errors
+/// When the deployment cannot be started, or the supervisor itself cannot go on; no child lives then.
+pub fn run(settings: &Settings, options: &Options, on_report: &mut dyn FnMut(Report<'_>)) -> Result<Outcome, RunError> {
+    let mut supervisor = Supervisor::start(settings, options)?;
+    let result = supervisor.supervise(on_report);
+    supervisor.end(result)
+}
+
+struct Supervisor<'a> {
+    settings: &'a Settings,
+    options: &'a Options,
+    started: Instant,
+    stop_requests: UnixStream,
+    domain: Domain,
+    ports: Ports,
+    settings_path: PathBuf,
+    guard: Option<Guard>,
+    guard_checked: Duration,
+    deployment: Deployment,
+    children: Vec<Option<Child>>,
+    vitals: Vec<Vitals>,
+    own_vitals: Vitals,
+    units: MachineUnits,
+    sampled: Duration,
+    statuses: u64,
+    map: Option<MapSummary>,
+}
+
+/// The supervisor's own inputs and outputs.
+struct Ports {
+    heartbeats: Reader<Heartbeat>,
+    summaries: Reader<MapSummary>,
+    statuses: Writer<DeploymentStatus>,
+}
+
+impl Ports {
+    fn open(domain: &mut Domain) -> Result<Self, BusError> {
+        Ok(Self { heartbeats: domain.reader()?, summaries: domain.reader()?, statuses: domain.writer()? })
+    }
+}
+
+impl<'a> Supervisor<'a> {
+    fn start(settings: &'a Settings, options: &'a Options) -> Result<Self, RunError> {
+        let text = settings.to_toml()?;
+        let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
+        let mut domain = Domain::open(settings.name.as_str(), options.speed)?;
+        let ports = Ports::open(&mut domain)?;
+        let count = settings.process.len();
+        let mut supervisor = Self {
+            settings,
+            options,
+            started: Instant::now(),
+            stop_requests,
+            settings_path: domain.directory().join("settings.toml"),
+            guard: None,
+            guard_checked: Duration::ZERO,
+            deployment: Deployment::new(policy(&settings.supervisor), plans(settings), domain.run()),
+            domain,
+            ports,
+            children: std::iter::repeat_with(|| None).take(count).collect(),
+            vitals: vec![Vitals::default(); count],
+            own_vitals: Vitals::default(),
+            units: MachineUnits { ticks_per_s: rustix::param::clock_ticks_per_second(), page_bytes: rustix::param::page_size() as u64 },
+            sampled: Duration::ZERO,
+            statuses: 0,
+            map: None,
+        };
+        supervisor.prepare_domain(&text)?;
+        supervisor.watch_the_guard();
+        Ok(supervisor)
+    }
+
+    /// What the domain's folder holds for the processes; made again when the domain is.
+    fn prepare_domain(&self, text: &str) -> Result<(), RunError> {
+        std::fs::write(&self.settings_path, text).map_err(|source| RunError::System { what: "the settings of the run", source })
+    }
+
+    fn now(&self) -> Duration {
+        self.started.elapsed()
+    }
+
+    fn supervise(&mut self, on_report: &mut dyn FnMut(Report<'_>)) -> Result<(), RunError> {
+        let mut changed = self.feed(Event::Tick)?;
+        while !self.deployment.is_over() {
+            self.publish_status(changed, on_report)?;
+            self.wait()?;
+            self.domain.refresh();
+            changed = self.take_stop_requests()?;
+            changed |= self.take_heartbeats()?;
+            self.take_summary(on_report)?;
+            changed |= self.take_output_and_exits()?;
+            changed |= self.feed(Event::Tick)?;
+            self.watch_the_guard();
+        }
+        self.take_summary(on_report)?;
+        self.publish_status(true, on_report)
+    }
+
+    /// Gives the domain back, whatever happened.
+    fn end(mut self, result: Result<(), RunError>) -> Result<Outcome, RunError> {
+        for child in self.children.iter_mut().flatten() {
+            child.signal(Signal::KILL);
+        }
+        self.children.clear();
+        let outcome = Outcome::of(&self.deployment, self.map);
+        drop(self.ports);
+        let closed = self.domain.close();
+        if let Some(guard) = self.guard {
+            guard.dismiss();
+        }
+        result?;
+        closed?;
+        Ok(outcome)
+    }
+
+    /// Feeds an event and everything that follows from it; whether anything followed.
+    fn feed(&mut self, event: Event) -> Result<bool, RunError> {
+        let mut events = VecDeque::from([event]);
+        let mut acted = false;
+        while let Some(event) = events.pop_front() {
+            for action in self.deployment.step(event, self.now()) {
+                acted = true;
+                self.act(action, &mut events)?;
+            }
+        }
+        Ok(acted)
+    }
+
+    fn act(&mut self, action: Action, events: &mut VecDeque<Event>) -> Result<(), RunError> {
+        match action {
+            Action::Spawn { process, incarnation } => match self.spawn(process, incarnation) {
+                Ok(child) => {
+                    self.vitals[process].begin(self.started.elapsed());
+                    self.children[process] = Some(child);
+                }
+                Err(error) => events.push_back(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) }),
+            },
+            Action::Terminate(process) => self.signal(process, Signal::TERM),
+            Action::Kill(process) => self.signal(process, Signal::KILL),
+            Action::Rebuild => {
+                self.rebuild_domain()?;
+                events.push_back(Event::Rebuilt);
+            }
+            Action::Tell(notice) => notices::tell(&notice, &self.deployment, &self.children),
+        }
+        Ok(())
+    }
+
+    fn rebuild_domain(&mut self) -> Result<(), RunError> {
+        let text = self.settings.to_toml()?;
+        self.domain.rebuild()?;
+        self.ports = Ports::open(&mut self.domain)?;
+        self.prepare_domain(&text)
+    }
+
+    fn spawn(&self, process: usize, incarnation: u32) -> io::Result<Child> {
+        let it = &self.settings.process[process];
+        let mut command = match &it.program {
+            Program::BuiltIn(kind) => {
+                let mut command = Command::new(&self.options.executable);
+                command.args(["process", kind.word()]);
+                command
+            }
+            Program::Command(words) => {
+                let (program, arguments) = words.split_first().ok_or_else(|| io::Error::other("the command is empty"))?;
+                let mut command = Command::new(program);
+                command.args(arguments);
+                command
+            }
+        };
+        command.envs(self.domain.membership_for(it.name.as_str(), incarnation, &self.settings_path).environment());
+        Child::start(command)
+    }
+
+    fn signal(&self, process: usize, signal: Signal) {
+        if let Some(child) = &self.children[process] {
+            child.signal(signal);
+        }
+    }
+
+    fn wait(&self) -> Result<(), RunError> {
+        let now = self.now();
+        let starting = self.deployment.processes().iter().any(|it| matches!(it.state(), State::Starting { .. }));
+        let look = if starting { LOOK_AT_START } else { LOOK };
+        let patience = self.deployment.due().map_or(look, |due| due.saturating_sub(now).min(look));
+        let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(patience.subsec_nanos()) };
+        let children = self.children.iter().flatten().flat_map(Child::descriptors);
+        let waited_for = children.chain(self.domain.descriptors()).chain([self.stop_requests.as_fd()]);
+        let mut polled: Vec<PollFd<'_>> = waited_for.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN)).collect();
+        match poll(&mut polled, Some(&timeout)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+            Err(error) => Err(RunError::System { what: "poll", source: error.into() }),
+        }
+    }
+
+    fn take_stop_requests(&mut self) -> Result<bool, RunError> {
+        let mut requests = [0; 16];
+        let mut changed = false;
+        while let Ok(count @ 1..) = self.stop_requests.read(&mut requests) {
+            for _ in 0..count {
+                changed |= self.feed(Event::StopAsked)?;
+            }
+        }
+        Ok(changed)
+    }
+
+    fn take_heartbeats(&mut self) -> Result<bool, RunError> {
+        let mut changed = false;
+        while let Some(received) = self.ports.heartbeats.take()? {
+            let Received::Message(heartbeat) = received else { continue };
+            let name = heartbeat.process.as_str();
+            let Some(process) = self.settings.process.iter().position(|it| it.name.as_str() == name) else { continue };
+            // One that was sent by a child that is already gone says nothing of the present one.
+            if self.children[process].as_ref().is_some_and(|child| child.is(heartbeat.pid)) {
+                self.vitals[process].hear(&heartbeat, self.started.elapsed());
+                let work = self.vitals[process].work();
+                changed |= self.feed(Event::Heartbeat { process, work })?;
+            }
+        }
+        Ok(changed)
+    }
+
+    fn take_summary(&mut self, on_report: &mut dyn FnMut(Report<'_>)) -> Result<(), RunError> {
+        while let Some(received) = self.ports.summaries.take()? {
+            if let Received::Message(summary) = received {
+                on_report(Report::Map(&summary));
+                self.map = Some(*summary);
+            }
+        }
+        Ok(())
+    }
+
+    fn take_output_and_exits(&mut self) -> Result<bool, RunError> {
+        let mut changed = false;
+        for process in 0..self.children.len() {
+            let Some(child) = &mut self.children[process] else { continue };
+            let name = self.settings.process[process].name.as_str();
+            child.read_output(|line| notices::pass_on(name, line));
+            let exit = child
+                .bury(|line| notices::pass_on(name, line))
+                .map_err(|source| RunError::System { what: "waiting for a child", source })?;
+            if let Some(exit) = exit {
+                self.children[process] = None;
+                self.vitals[process].end();
+                self.domain.remove_the_dead();
+                self.feed(Event::Exited { process, exit })?;
+                changed = true;
+            }
+        }
+        Ok(changed)
+    }
+
+    fn publish_status(&mut self, changed: bool, on_report: &mut dyn FnMut(Report<'_>)) -> Result<(), RunError> {
+        let now = self.now();
+        let due = now >= self.sampled + SAMPLE;
+        if due {
+            self.sampled = now;
+            for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
+                if let Some(child) = child {
+                    vitals.sample(child.usage(), self.units, now);
+                }
+            }
+            self.own_vitals.sample(usage(std::process::id()), self.units, now);
+        }
+        if due || changed || self.statuses == 0 {
+            let status = self.status(now);
+            self.statuses += 1;
+            self.ports.statuses.send(self.statuses, now.as_nanos() as u64, &status)?;
+            on_report(Report::Status(&status));
+        }
+        Ok(())
+    }
+
+    fn status(&self, now: Duration) -> DeploymentStatus {
+        let mut status = DeploymentStatus {
+            deployment: Text::new(self.settings.name.as_str()),
+            uptime_ms: now.as_millis() as u64,
+            ending: u32::from(self.deployment.ending().is_some()),
+            ..DeploymentStatus::default()
+        };
+        let own = self.own_vitals.own_status();
+        let each = self.deployment.processes().iter().zip(&self.vitals).zip(&self.children);
+        let all = each.map(|((it, vitals), child)| vitals.status(it, child.as_ref().map_or(0, Child::pid), now)).chain([own]);
+        for (place, process) in status.processes.iter_mut().zip(all.take(MAX_PROCESSES)) {
+            *place = process;
+            status.count += 1;
+        }
+        status
+    }
+
+    /// A guard that was killed is replaced: the supervisor may be next.
+    fn watch_the_guard(&mut self) {
+        let now = self.now();
+        if now < self.guard_checked && self.guard.is_some() {
+            return;
+        }
+        self.guard_checked = now + SAMPLE;
+        if self.guard.as_mut().is_none_or(|guard| !guard.is_alive()) {
+            match Guard::start(&self.options.executable, self.domain.directory()) {
+                Ok(guard) => self.guard = Some(guard),
+                Err(error) => tracing::warn!("no guard: a killed supervisor would leave its domain behind: {error}"),
+            }
+        }
+    }
+}
+
+/// SIGINT, SIGTERM and SIGHUP as bytes to read.
+fn catch_signals() -> io::Result<UnixStream> {
+    let (requests, end) = UnixStream::pair()?;
+    requests.set_nonblocking(true)?;
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::low_level::pipe::register(signal, end.try_clone()?)?;
+    }
+    Ok(requests)
+}

@@ -1,0 +1,174 @@
+//! What is known of one process: its last heartbeat, its rates, what it uses.
+
+use crate::lifecycle::Lifecycle;
+use crate::usage::Usage;
+use messages::{Heartbeat, ProcessState, ProcessStatus, Text};
+use std::time::Duration;
+
+/// The measures of one process.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Vitals {
+    heartbeat: Option<(Duration, Heartbeat)>,
+    mark: Mark,
+    received_per_s: f64,
+    sent_per_s: f64,
+    cpu: f64,
+    resident_bytes: u64,
+}
+
+/// What rates are measured from.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mark {
+    at: Duration,
+    received: u64,
+    sent: u64,
+    ticks: u64,
+}
+
+/// What the machine counts in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct MachineUnits {
+    pub(crate) ticks_per_s: u64,
+    pub(crate) page_bytes: u64,
+}
+
+impl Vitals {
+    /// Takes a heartbeat of the present child.
+    pub(crate) fn hear(&mut self, heartbeat: &Heartbeat, now: Duration) {
+        self.heartbeat = Some((now, *heartbeat));
+    }
+
+    /// A new child counts from zero.
+    pub(crate) fn begin(&mut self, now: Duration) {
+        *self = Self { mark: Mark { at: now, ..Mark::default() }, ..Self::default() };
+    }
+
+    /// No child, no use of the machine.
+    pub(crate) fn end(&mut self) {
+        (self.cpu, self.resident_bytes, self.received_per_s, self.sent_per_s) = (0.0, 0, 0.0, 0.0);
+    }
+
+    /// Measures rates since the last sample.
+    pub(crate) fn sample(&mut self, usage: Option<Usage>, units: MachineUnits, now: Duration) {
+        let elapsed_s = now.saturating_sub(self.mark.at).as_secs_f64();
+        if elapsed_s <= 0.0 {
+            return;
+        }
+        let ticks = usage.map_or(self.mark.ticks, |usage| usage.ticks);
+        let mark = Mark { at: now, received: self.received(), sent: self.sent(), ticks };
+        let per_s = |new: u64, old: u64| new.saturating_sub(old) as f64 / elapsed_s;
+        self.received_per_s = per_s(mark.received, self.mark.received);
+        self.sent_per_s = per_s(mark.sent, self.mark.sent);
+        self.cpu = per_s(mark.ticks, self.mark.ticks) / units.ticks_per_s.max(1) as f64;
+        self.resident_bytes = usage.map_or(0, |usage| usage.pages * units.page_bytes);
+        self.mark = mark;
+    }
+
+    /// Messages taken and sent by the present child.
+    pub(crate) fn work(&self) -> u64 {
+        self.received() + self.sent()
+    }
+
+    /// The process as the supervisor tells of it; `pid` 0 when no child runs.
+    pub(crate) fn status(&self, lifecycle: &Lifecycle, pid: u32, now: Duration) -> ProcessStatus {
+        let last = self.heartbeat.as_ref().map(|(_, heartbeat)| heartbeat);
+        let note = if lifecycle.cause().is_empty() { last.map(|h| h.note).unwrap_or_default() } else { Text::new(lifecycle.cause()) };
+        let age = self.heartbeat.as_ref().map(|(at, _)| now.saturating_sub(*at).as_millis() as u64);
+        let counters_count = last.map_or(0, |h| h.counters_count);
+        ProcessStatus {
+            process: Text::new(&lifecycle.plan().name),
+            note,
+            heartbeat_age_ms: age.unwrap_or(u64::MAX),
+            received: self.received(),
+            lost: self.inputs_sum(|input| input.lost),
+            refused: self.inputs_sum(|input| input.refused),
+            sent: self.sent(),
+            received_per_s: self.received_per_s,
+            sent_per_s: self.sent_per_s,
+            cpu: self.cpu.min(1e4),
+            resident_bytes: self.resident_bytes,
+            counters: last.map(|h| h.counters).unwrap_or_default(),
+            counters_count,
+            pid,
+            state: lifecycle.process_state() as u32,
+            restarts: lifecycle.restarted(),
+        }
+    }
+
+    /// The supervisor's own line: it sends no heartbeat to itself.
+    pub(crate) fn own_status(&self) -> ProcessStatus {
+        ProcessStatus {
+            process: Text::new("supervisor"),
+            cpu: self.cpu.min(1e4),
+            resident_bytes: self.resident_bytes,
+            pid: std::process::id(),
+            state: ProcessState::Running as u32,
+            ..ProcessStatus::default()
+        }
+    }
+
+    fn inputs_sum(&self, count: impl Fn(&messages::InputCounters) -> u64) -> u64 {
+        let inputs = self.heartbeat.iter().flat_map(|(_, h)| h.inputs.iter().take(h.inputs_count as usize));
+        inputs.map(count).sum()
+    }
+
+    fn received(&self) -> u64 {
+        self.inputs_sum(|input| input.received)
+    }
+
+    fn sent(&self) -> u64 {
+        self.heartbeat.as_ref().map_or(0, |(_, heartbeat)| heartbeat.sent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lifecycle::{Plan, Role};
+    use messages::InputCounters;
+
+    const UNITS: MachineUnits = MachineUnits { ticks_per_s: 100, page_bytes: 4096 };
+
+    fn heartbeat(received: u64, sent: u64) -> Heartbeat {
+        let mut it = Heartbeat { sent, inputs_count: 2, note: Text::new("searching"), ..Heartbeat::default() };
+        it.inputs[0] = InputCounters { received, lost: 3, ..InputCounters::default() };
+        it.inputs[1] = InputCounters { received: 1, refused: 2, ..InputCounters::default() };
+        it.inputs[2] = InputCounters { received: 999, ..InputCounters::default() };
+        it
+    }
+
+    fn lifecycle() -> Lifecycle {
+        Lifecycle::new(Plan { name: "mapping".to_owned(), role: Role::Consumer, ends_run: false, essential: false }, 1)
+    }
+
+    #[test]
+    fn rates_are_measured_between_samples() {
+        let mut vitals = Vitals::default();
+        vitals.begin(Duration::from_secs(10));
+        vitals.hear(&heartbeat(99, 40), Duration::from_secs(11));
+        vitals.sample(Some(Usage { ticks: 50, pages: 3 }), UNITS, Duration::from_secs(12));
+        let status = vitals.status(&lifecycle(), 7, Duration::from_secs(13));
+        assert_eq!((status.received, status.sent, status.lost, status.refused), (100, 40, 3, 2));
+        assert_eq!((status.received_per_s, status.sent_per_s, status.cpu), (50.0, 20.0, 0.25));
+        assert_eq!((status.resident_bytes, status.heartbeat_age_ms, status.pid), (3 * 4096, 2000, 7));
+        assert_eq!(status.note.as_str(), "searching");
+    }
+
+    #[test]
+    fn a_process_that_has_said_nothing_has_no_age() {
+        assert_eq!(Vitals::default().status(&lifecycle(), 0, Duration::from_secs(1)).heartbeat_age_ms, u64::MAX);
+    }
+
+    #[test]
+    fn a_new_child_counts_from_zero() {
+        let mut vitals = Vitals::default();
+        vitals.hear(&heartbeat(1000, 1000), Duration::from_secs(1));
+        vitals.sample(None, UNITS, Duration::from_secs(2));
+        vitals.begin(Duration::from_secs(3));
+        vitals.hear(&heartbeat(9, 0), Duration::from_secs(4));
+        vitals.sample(None, UNITS, Duration::from_secs(4));
+        assert_eq!(vitals.status(&lifecycle(), 0, Duration::from_secs(4)).received_per_s, 10.0);
+        vitals.end();
+        assert_eq!(vitals.status(&lifecycle(), 0, Duration::from_secs(4)).received_per_s, 0.0);
+    }
+}
