@@ -29,8 +29,9 @@ pub struct Settings {
     pub pace: Pace,
     /// Folder for the log and the map; relative to the settings file.
     #[serde(default = "default_out", deserialize_with = "crate::text::path")]
+    #[schemars(extend("x-form" = "path"))]
     pub out: PathBuf,
-    /// `[[process]]`: the processes, in the order of starting.
+    /// `[[process]]`: the processes, in the order of starting. Exactly one of `run` and `command` says what a process runs.
     #[schemars(length(min = 1, max = 23))]
     pub process: Vec<Process>,
     /// `[supervisor]`: how processes are watched and restarted.

@@ -101,7 +101,7 @@ impl Source<'_> {
             Kind::MissingKey => SettingsError::MissingKey { file: self.file.clone(), line, key },
             Kind::Value(problem) => {
                 let found = (!refusal.in_table).then(|| shortened(self.piece(span)));
-                SettingsError::Value { file: self.file.clone(), line, key, found, problem }
+                SettingsError::Value { file: self.file.clone(), line, key, found, problem: one_line(&problem) }
             }
         }
     }
@@ -110,7 +110,13 @@ impl Source<'_> {
         let (value, written) = deepest(document, &fault.key);
         let (line, _) = self.place(value.span().start);
         let found = (written && !is_table_like(value.get_ref())).then(|| shortened(self.piece(value.span())));
-        SettingsError::Value { file: self.file.clone(), line, key: fault.key, found, problem: format!("expected {}", fault.expected) }
+        SettingsError::Value {
+            file: self.file.clone(),
+            line,
+            key: fault.key,
+            found,
+            problem: one_line(&format!("expected {}", fault.expected)),
+        }
     }
 
     /// Line and character of a byte offset, both from 1.

@@ -1,7 +1,30 @@
 //! Typed configuration of a stillmap deployment: parse, validate, explain.
 //!
 //! A deployment is one TOML file. Each section is a struct of this crate; each number is a newtype with its limits, so that a
-//! value that has been read is a value that can be meant.
+//! value that has been read is a value that can be meant. What the sections owe each other is checked by [`Settings::check`].
+//!
+//! Every problem is told in one line: where, which key, what was found, what was expected.
+//!
+//! ```
+//! # use stillmap_settings as settings;
+//! use settings::Settings;
+//!
+//! let text = r#"
+//!     name = "example"
+//!     process = [{ name = "driver", run = "pioneer" }, { name = "mapping", run = "mapping" }]
+//!     [mapping]
+//!     cell_m = 0.1
+//! "#;
+//! let settings = Settings::parse("example.toml", text)?;
+//! assert_eq!(settings.mapping.cell_m.get(), 0.1);
+//! assert_eq!(settings.mapping.horizon_s.get(), 3.0, "the default");
+//!
+//! let refused = Settings::parse("example.toml", &text.replace("0.1", "-0.05")).unwrap_err();
+//! assert_eq!(refused.to_string(), "example.toml:5: mapping.cell_m = -0.05: expected 0.005 to 1 m");
+//! # Ok::<(), settings::SettingsError>(())
+//! ```
+//!
+//! Other TOML files, such as the simulator's worlds, are read by [`parse`] and [`parse_checked`] with the same errors.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod bounded;
@@ -16,6 +39,7 @@ mod pioneer;
 mod playback;
 mod programs;
 mod recorder;
+mod reference;
 mod robot;
 mod simulator;
 mod supervisor;
@@ -34,6 +58,7 @@ pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SpeedLimit, TurnLim
 pub use playback::{Playback, Window};
 pub use programs::{BuiltIn, Process, Program};
 pub use recorder::{FlushInterval, Recorder};
+pub use reference::{reference, schema};
 pub use robot::{Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar};
 pub use simulator::{Seed, Simulator};
 pub use supervisor::{

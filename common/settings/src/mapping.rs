@@ -70,7 +70,7 @@ pub struct Mapping {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Tuning {
-    /// Tune. False: the rules for an unknown surroundings (first row, first column) hold everywhere.
+    /// Tune. False: the rules for unknown surroundings (first row, first column) hold everywhere.
     pub enabled: bool,
     /// Centres of the sets of P_arc, the highest occupancy at the reading's range.
     pub p_arc: Centres,
@@ -127,7 +127,7 @@ impl JsonSchema for Centres {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "array", "items": { "type": "number", "minimum": 0.0, "maximum": 1.0 }, "minItems": 3, "maxItems": 3, "x-form": "ascending" })
+        json_schema!({ "type": "array", "items": { "type": "number", "minimum": 0.0, "maximum": 1.0 }, "minItems": 3, "maxItems": 3, "x-form": "three ascending numbers, 0 to 1" })
     }
 }
 

@@ -18,6 +18,7 @@ bounded! {
 pub struct Playback {
     /// The log; relative to the settings file.
     #[serde(deserialize_with = "crate::text::path")]
+    #[schemars(extend("x-form" = "path"))]
     pub log: PathBuf,
     /// How far lockstep publishes ahead of the slowest consumer.
     pub window: Window,

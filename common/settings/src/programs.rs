@@ -42,7 +42,7 @@ pub struct Process {
     pub ends_run: bool,
 }
 
-/// `[[process]]`: one process of the deployment, in the order of starting. Exactly one of `run` and `command` says what it runs.
+/// A process as it is written.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct Entry {
@@ -53,7 +53,7 @@ struct Entry {
     run: Option<BuiltIn>,
     /// Any other executable: program and arguments. It joins the bus by the variables STILLMAP_* that the supervisor sets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(length(min = 1, max = 64))]
+    #[schemars(length(min = 1))]
     command: Option<Vec<String>>,
     /// When it ends successfully, the run ends. True for simulator and playback unless it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]

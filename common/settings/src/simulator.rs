@@ -18,6 +18,7 @@ bounded! {
 pub struct Simulator {
     /// The world's file; relative to the settings file.
     #[serde(deserialize_with = "crate::text::path")]
+    #[schemars(extend("x-form" = "path"))]
     pub world: PathBuf,
     /// Seed of everything random in the world: the same seed gives the same drive.
     pub seed: Seed,

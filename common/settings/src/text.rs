@@ -159,7 +159,7 @@ impl JsonSchema for Name {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "pattern": "^[a-z0-9-]{1,24}$" })
+        json_schema!({ "type": "string", "pattern": "^[a-z0-9-]{1,24}$", "x-form": "1 to 24 of a-z, 0-9 and -" })
     }
 }
 
@@ -173,7 +173,7 @@ impl JsonSchema for FileName {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "pattern": "^[^/]{1,200}$" })
+        json_schema!({ "type": "string", "pattern": "^[^/]{1,200}$", "x-form": "name of a file" })
     }
 }
 
@@ -187,6 +187,6 @@ impl JsonSchema for Port {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "minLength": 1 })
+        json_schema!({ "type": "string", "minLength": 1, "x-form": "path of a device, or `\"simulator\"`" })
     }
 }
