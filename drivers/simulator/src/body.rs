@@ -22,6 +22,18 @@ impl Body {
         Self { model, ring: ring.collect() }
     }
 
+    /// The robot of a deployment.
+    #[must_use]
+    pub fn of_settings(robot: &settings::Robot) -> Self {
+        let mounts: Vec<Pose> = robot
+            .sonar
+            .iter()
+            .map(|sonar| Pose { x_m: sonar.x_m.get(), y_m: sonar.y_m.get(), yaw_rad: sonar.heading_deg.get().to_radians() })
+            .collect();
+        let body = Self::of(model(robot.model));
+        if mounts.is_empty() { body } else { body.with_ring(&mounts) }
+    }
+
     /// The same robot with its sonars mounted elsewhere, in the order of their numbers; at most 16 are used.
     #[must_use]
     pub fn with_ring(mut self, mounts: &[Pose]) -> Self {
@@ -51,5 +63,41 @@ impl Body {
     #[must_use]
     pub fn range_units(&self, range_m: f64) -> u16 {
         (range_m * 1000.0 / self.model.range_mm).round() as u16
+    }
+}
+
+/// What is known of a model of the settings.
+fn model(model: settings::Model) -> &'static Model {
+    let name = match model {
+        settings::Model::Pioneer1 => "pioneer-1",
+        settings::Model::PioneerAt => "pioneer-at",
+        settings::Model::P2Dx => "p2-dx",
+        settings::Model::P3Dx => "p3-dx",
+    };
+    Model::named(name).unwrap_or(&psos::MODELS[0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_model_of_the_settings_is_known() {
+        for (setting, name) in [
+            (settings::Model::Pioneer1, "pioneer-1"),
+            (settings::Model::PioneerAt, "pioneer-at"),
+            (settings::Model::P2Dx, "p2-dx"),
+            (settings::Model::P3Dx, "p3-dx"),
+        ] {
+            assert_eq!(model(setting).name, name);
+        }
+    }
+
+    #[test]
+    fn ranges_are_rounded_to_the_robots_units() {
+        let body = Body::of(model(settings::Model::Pioneer1));
+        assert_eq!(body.range_units(1.87), 10784);
+        assert!((body.in_units(1.87) - 10784.0 * 0.000_173_4).abs() < 1e-12);
+        assert_eq!(body.range_units(99.0), u16::MAX);
     }
 }

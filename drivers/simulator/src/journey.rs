@@ -88,11 +88,7 @@ impl Stage {
         let since_s = time_s - self.start_s;
         let (sin, cos) = self.from.yaw_rad.sin_cos();
         let way_m = self.speed_m_s * since_s;
-        Pose {
-            x_m: self.from.x_m + cos * way_m,
-            y_m: self.from.y_m + sin * way_m,
-            yaw_rad: self.from.yaw_rad + self.turn_rad_s * since_s,
-        }
+        Pose { x_m: self.from.x_m + cos * way_m, y_m: self.from.y_m + sin * way_m, yaw_rad: self.from.yaw_rad + self.turn_rad_s * since_s }
     }
 }
 

@@ -21,6 +21,11 @@ impl Odometry {
         Self { error, start, last_true: start, counted: Pose::default() }
     }
 
+    /// The robot in the frame of its start, after the last step.
+    pub(crate) fn counted(&self) -> Pose {
+        self.counted
+    }
+
     /// The robot in the frame of its start, after it has moved to `now`.
     ///
     /// Without errors it is the true place, however many steps led there.
@@ -45,7 +50,7 @@ impl Odometry {
 }
 
 /// `other` in the frame of `pose`; both in one frame.
-fn seen_from(pose: &Pose, other: &Pose) -> Pose {
+pub(crate) fn seen_from(pose: &Pose, other: &Pose) -> Pose {
     let (sin, cos) = pose.yaw_rad.sin_cos();
     let (x_m, y_m) = (other.x_m - pose.x_m, other.y_m - pose.y_m);
     Pose { x_m: cos * x_m + sin * y_m, y_m: cos * y_m - sin * x_m, yaw_rad: other.yaw_rad - pose.yaw_rad }
@@ -59,7 +64,7 @@ mod tests {
 
     fn drive(error: &str) -> Pose {
         let start = Pose { x_m: 1.0, y_m: 2.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
-        let mut odometry = Odometry::new(toml::from_str(error).unwrap(), start);
+        let mut odometry = Odometry::new(settings::parse("test", error).unwrap(), start);
         let mut chance = ChaCha8Rng::seed_from_u64(1);
         (1..=100).map(|step| odometry.step(Pose { y_m: 2.0 + 0.1 * f64::from(step), ..start }, &mut chance)).last().unwrap()
     }

@@ -93,6 +93,18 @@ impl Simulation {
         (self.journey.end_s() * 1e9 / PACKET_INTERVAL_NS as f64).ceil() as u64
     }
 
+    /// Whether the robot has come to the end of its way.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.packets >= self.total_packets()
+    }
+
+    /// The odometry of the last packet, in the frame of the start.
+    #[must_use]
+    pub fn odometry(&self) -> Pose {
+        self.odometry.counted()
+    }
+
     /// Takes the drive up after `packets` packets, as if they had been made.
     pub fn advance_to(&mut self, packets: u64) {
         while self.packets < packets.min(self.total_packets()) {
@@ -102,23 +114,18 @@ impl Simulation {
 
     /// The next packet and the truth behind it; `None` at the end of the way.
     pub fn next_packet(&mut self) -> Option<(Packet, TruthScan)> {
-        if self.packets >= self.total_packets() {
+        if self.is_over() {
             return None;
         }
-        let pings = (self.packets * PACKET_INTERVAL_NS / PING_INTERVAL_NS + 1)..=((self.packets + 1) * PACKET_INTERVAL_NS / PING_INTERVAL_NS);
+        let pings =
+            (self.packets * PACKET_INTERVAL_NS / PING_INTERVAL_NS + 1)..=((self.packets + 1) * PACKET_INTERVAL_NS / PING_INTERVAL_NS);
         let odometry = self.step();
         let stamp_ns = self.packets * PACKET_INTERVAL_NS;
         let moment = self.journey.at(seconds(stamp_ns));
         let truths: Vec<TrueReading> = pings.filter_map(|ping| self.ping(ping)).take(MAX_READINGS).collect();
         let readings = truths.iter().map(|truth| Reading { sonar: truth.sonar as u8, range_m: truth.range_m }).collect();
-        let packet = Packet {
-            number: self.packets,
-            stamp_ns,
-            odometry,
-            speed_m_s: moment.speed_m_s,
-            turn_rad_s: moment.turn_rad_s,
-            readings,
-        };
+        let packet =
+            Packet { number: self.packets, stamp_ns, odometry, speed_m_s: moment.speed_m_s, turn_rad_s: moment.turn_rad_s, readings };
         Some((packet, self.truth(stamp_ns, moment.pose, odometry, &truths)))
     }
 
@@ -175,7 +182,9 @@ impl Simulation {
         });
         let crosstalk_m = rules.blind_m.get() + chance.crosstalk_range * (limit_m - rules.blind_m.get());
         let (range_m, label, walker) = match heard {
-            Some((range_m, ..)) if chance.crosstalk < rules.crosstalk.get() && crosstalk_m < range_m => (crosstalk_m, EchoLabel::Crosstalk, 0),
+            Some((range_m, ..)) if chance.crosstalk < rules.crosstalk.get() && crosstalk_m < range_m => {
+                (crosstalk_m, EchoLabel::Crosstalk, 0)
+            }
             None if chance.crosstalk < rules.crosstalk.get() => (crosstalk_m, EchoLabel::Crosstalk, 0),
             Some(reading) if reading.0 < limit_m => reading,
             _ => (limit_m, EchoLabel::NoEcho, 0),
@@ -185,17 +194,15 @@ impl Simulation {
 
     fn legs(&self, time_s: f64) -> Vec<Leg> {
         let numbered = (1..).zip(&self.walkers);
-        numbered.filter_map(|(number, walker)| Some((number, walker.legs(time_s)?))).flat_map(|(walker, legs)| legs.map(|circle| Leg { circle, walker })).collect()
+        numbered
+            .filter_map(|(number, walker)| Some((number, walker.legs(time_s)?)))
+            .flat_map(|(walker, legs)| legs.map(|circle| Leg { circle, walker }))
+            .collect()
     }
 
     fn truth(&self, stamp_ns: u64, pose: Pose, odometry: Pose, readings: &[TrueReading]) -> TruthScan {
-        let mut truth = TruthScan {
-            pose,
-            odometry,
-            count: readings.len() as u32,
-            walkers_count: self.walkers.len() as u32,
-            ..TruthScan::default()
-        };
+        let mut truth =
+            TruthScan { pose, odometry, count: readings.len() as u32, walkers_count: self.walkers.len() as u32, ..TruthScan::default() };
         truth.readings[..readings.len()].copy_from_slice(readings);
         for (place, walker) in truth.walkers_m.iter_mut().zip(&self.walkers) {
             *place = walker.place(seconds(stamp_ns)).into();

@@ -12,7 +12,7 @@ const JOINED_M: f64 = 1e-3;
 const FLAT_RAD: f64 = 30.0 / 180.0 * PI;
 
 /// Straight pieces that stand for a round thing where only straight pieces are told.
-const PIECES_OF_A_CIRCLE: u32 = 16;
+pub(crate) const PIECES_OF_A_CIRCLE: u32 = 16;
 
 /// A flat piece of surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,9 +58,7 @@ pub(crate) struct Still {
 impl Still {
     /// Everything in the world that stands still.
     pub(crate) fn of(world: &World) -> Self {
-        let walls = world.walls.iter().flat_map(|wall| wall.pieces());
-        let boxes = world.boxes.iter().flat_map(sides);
-        let faces: Vec<Face> = walls.chain(boxes).map(|(segment, surface)| Face { segment, surface }).collect();
+        let faces = faces(world);
         let joints = joints(&faces);
         Self { faces, rounds: world.pillars.iter().map(round).collect(), joints }
     }
@@ -71,19 +69,21 @@ impl Still {
     }
 }
 
+/// Every flat surface of the world.
+pub(crate) fn faces(world: &World) -> Vec<Face> {
+    let walls = world.walls.iter().flat_map(|wall| wall.pieces());
+    let boxes = world.boxes.iter().flat_map(sides);
+    walls.chain(boxes).map(|(segment, surface)| Face { segment, surface }).collect()
+}
+
 fn sides(furniture: &Furniture) -> [(Segment, Surface); 4] {
     let centre = furniture.centre_m.vector();
     let ahead = direction(furniture.heading_deg.get().to_radians());
     let [length_m, width_m] = furniture.size_m.map(|size| size.get() / 2.0);
     let corner = |along: f64, across: f64| centre + ahead * (along * length_m) + Vector::new(-ahead.y, ahead.x) * (across * width_m);
     let side = |from: (f64, f64), to: (f64, f64)| Segment { from: corner(from.0, from.1), to: corner(to.0, to.1) };
-    [
-        side((-1.0, -1.0), (1.0, -1.0)),
-        side((1.0, -1.0), (1.0, 1.0)),
-        side((1.0, 1.0), (-1.0, 1.0)),
-        side((-1.0, 1.0), (-1.0, -1.0)),
-    ]
-    .map(|segment| (segment, furniture.surface))
+    [side((-1.0, -1.0), (1.0, -1.0)), side((1.0, -1.0), (1.0, 1.0)), side((1.0, 1.0), (-1.0, 1.0)), side((-1.0, 1.0), (-1.0, -1.0))]
+        .map(|segment| (segment, furniture.surface))
 }
 
 fn round(pillar: &Pillar) -> Round {

@@ -165,8 +165,8 @@ impl Wall {
 mod tests {
     use super::*;
 
-    fn wall(toml: &str) -> Result<Wall, toml::de::Error> {
-        toml::from_str(toml)
+    fn wall(toml: &str) -> Result<Wall, settings::SettingsError> {
+        settings::parse("test", toml)
     }
 
     #[test]
@@ -201,7 +201,10 @@ mod tests {
             ("along_m = [[0, 0], [0, 0], [1, 0]]", "at corner 1"),
             ("along_m = [[0, 0], [2, 0], [4, 0]]\ndoor = [{ at_m = 2, width_m = 1 }]", "the door at_m = 2, 1 m wide"),
             ("along_m = [[0, 0], [2, 0]]\ngap = [{ at_m = 2, width_m = 1 }]", "2.000 m long"),
-            ("along_m = [[0, 0], [5, 0]]\ndoor = [{ at_m = 2, width_m = 1 }]\ngap = [{ at_m = 1.5, width_m = 1 }]", "1.500 and 2.000 overlap"),
+            (
+                "along_m = [[0, 0], [5, 0]]\ndoor = [{ at_m = 2, width_m = 1 }]\ngap = [{ at_m = 1.5, width_m = 1 }]",
+                "1.500 and 2.000 overlap",
+            ),
         ] {
             let message = wall(toml).unwrap_err().to_string();
             assert!(message.contains(says), "{message}");

@@ -1,0 +1,232 @@
+//! The simulator as a process: the world in deployment time, its robot behind a pseudo-terminal, the truth on the bus.
+
+use std::os::fd::BorrowedFd;
+use std::path::Path;
+use std::time::Duration;
+
+use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError, Writer};
+use messages::{TruthScan, TruthSurfaces};
+use settings::{Settings, SettingsError};
+
+use crate::body::Body;
+use crate::drive_state::DriveState;
+use crate::robot_end::RobotEnd;
+use crate::simulation::{PACKET_INTERVAL_NS, Simulation};
+use crate::terminal::Terminal;
+use crate::world::World;
+
+/// Name of the robot's serial port in the domain's folder.
+pub const PORT_NAME: &str = "robot";
+
+/// Most packets made in one step: a world that lags behind the clock catches up without keeping its client waiting.
+const CATCH_UP_PACKETS: usize = 32;
+
+/// How long, by the wall clock, a client may take to read the last packets after the end of the drive.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// How often, by the wall clock, to look whether it has.
+const FAREWELL_LOOK: Duration = Duration::from_millis(10);
+
+/// Why the simulator ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulatorError {
+    /// The world's file is no world.
+    #[error(transparent)]
+    World(#[from] SettingsError),
+    /// No serial port for the robot.
+    #[error("cannot open a pseudo-terminal as {path}: {source}")]
+    Terminal {
+        /// The port's name.
+        path: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The process failed at its work.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Reads a world's file.
+///
+/// # Errors
+/// When the file cannot be read; otherwise its first problem, in one line with file, line, key, value and what was expected.
+pub fn read_world(path: &Path) -> Result<World, SettingsError> {
+    World::parse(&path.display().to_string(), &settings::read_text(path)?)
+}
+
+/// Runs the simulator of a deployment until its robot has come to the end of its way.
+///
+/// # Errors
+/// When the world cannot be read, the robot gets no port, or the bus fails.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> {
+    let world = read_world(&settings.simulator.world)?;
+    let body = Body::of_settings(&settings.robot);
+    let mut simulation = Simulation::new(&world, &body, u64::from(settings.simulator.seed.get()));
+    let checkpoint = shell.checkpoint();
+    let state = resume(&checkpoint, &mut simulation);
+    let port = shell.membership().directory().join(PORT_NAME);
+    let terminal = Terminal::open(port.clone()).map_err(|source| SimulatorError::Terminal { path: port.display().to_string(), source })?;
+    let mut surfaces = shell.writer()?;
+    publish_surfaces(&mut surfaces, &simulation)?;
+    let mut process = Process {
+        robot: RobotEnd::new(&body, settings.robot.odometry_modulus.get(), simulation.odometry()),
+        truth: shell.writer()?,
+        speed: shell.membership().speed(),
+        simulation,
+        terminal,
+        checkpoint,
+        state,
+        clock: WorldClock::WaitsForClient,
+        stamp_ns: 0,
+        lost_bytes: 0,
+    };
+    Ok(shell.run(&mut process)?)
+}
+
+/// How the world's time runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum WorldClock {
+    /// Not at all: the robot has not been opened since it was switched on.
+    WaitsForClient,
+    /// With the deployment's clock, the drive's start being at this time on it.
+    Runs { start_ns: u64 },
+    /// The drive is over; until this time the client may read the last packets.
+    Over { until_ns: u64 },
+}
+
+struct Process {
+    simulation: Simulation,
+    robot: RobotEnd,
+    terminal: Terminal,
+    truth: Writer<TruthScan>,
+    checkpoint: Checkpoint,
+    state: DriveState,
+    clock: WorldClock,
+    speed: f64,
+    /// Stamp of the last packet that was sent.
+    stamp_ns: u64,
+    /// Bytes that no client took.
+    lost_bytes: u64,
+}
+
+impl bus::Process for Process {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        self.answer_client()?;
+        let next = if context.stopping() { Next::Finished } else { self.go_on(context.now_ns())? };
+        if next == Next::Finished {
+            self.truth.end(self.state.sent, self.stamp_ns)?;
+        }
+        self.report(context);
+        Ok(next)
+    }
+
+    fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        vec![self.terminal.descriptor()]
+    }
+}
+
+impl Process {
+    fn answer_client(&mut self) -> Result<(), StepError> {
+        let heard = self.terminal.read()?;
+        let answer = self.robot.push(&heard);
+        self.send(&answer)
+    }
+
+    fn go_on(&mut self, now_ns: u64) -> Result<Next, StepError> {
+        match self.clock {
+            _ if self.simulation.is_over() && self.clock == WorldClock::WaitsForClient => Ok(Next::Finished),
+            WorldClock::WaitsForClient if !self.robot.is_open() => Ok(Next::Wait),
+            WorldClock::WaitsForClient => {
+                let driven_ns = self.simulation.packets() * PACKET_INTERVAL_NS;
+                self.clock = WorldClock::Runs { start_ns: now_ns.saturating_sub(driven_ns) };
+                Ok(Next::Again)
+            }
+            WorldClock::Runs { start_ns } => self.drive(now_ns, start_ns),
+            WorldClock::Over { until_ns } if now_ns >= until_ns || self.terminal.is_drained()? => Ok(Next::Finished),
+            WorldClock::Over { .. } => Ok(Next::WaitAtMost(FAREWELL_LOOK)),
+        }
+    }
+
+    /// Makes the packets that are due.
+    fn drive(&mut self, now_ns: u64, start_ns: u64) -> Result<Next, StepError> {
+        for _ in 0..CATCH_UP_PACKETS {
+            let due_ns = start_ns + (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
+            if due_ns > now_ns {
+                let wait_s = (due_ns - now_ns) as f64 * 1e-9 / self.speed;
+                return Ok(Next::WaitAtMost(Duration::from_secs_f64(wait_s)));
+            }
+            if !self.make_packet(due_ns)? {
+                let farewell_ns = (FAREWELL.as_nanos() as f64 * self.speed) as u64;
+                self.clock = WorldClock::Over { until_ns: now_ns.saturating_add(farewell_ns) };
+                break;
+            }
+        }
+        Ok(Next::Again)
+    }
+
+    /// Makes the next packet, and sends it when a client listens; false at the end of the drive.
+    fn make_packet(&mut self, stamp_ns: u64) -> Result<bool, StepError> {
+        let Some((packet, mut truth)) = self.simulation.next_packet() else { return Ok(false) };
+        let bytes = self.robot.tick(&packet);
+        self.state = DriveState { packets: packet.number, sent: self.state.sent + u64::from(!bytes.is_empty()) };
+        // Before the packet leaves: after a kill at any moment the robot goes on from where its client saw it last, or further.
+        self.checkpoint.save(&self.state.to_bytes())?;
+        if !bytes.is_empty() {
+            self.send(&bytes)?;
+            if !self.robot.sonars_on() {
+                truth.count = 0;
+            }
+            self.stamp_ns = stamp_ns;
+            self.truth.send(self.state.sent, stamp_ns, &truth)?;
+        }
+        Ok(true)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<(), StepError> {
+        self.lost_bytes += self.terminal.write(bytes)? as u64;
+        Ok(())
+    }
+
+    fn report(&self, context: &mut Context<'_>) {
+        let driven_s = self.simulation.packets() * PACKET_INTERVAL_NS / 1_000_000_000;
+        let drive_s = self.simulation.total_packets() * PACKET_INTERVAL_NS / 1_000_000_000;
+        match self.clock {
+            WorldClock::WaitsForClient => context.note("waiting for a client to open the robot"),
+            WorldClock::Over { .. } => context.note("the robot has arrived"),
+            WorldClock::Runs { .. } if !self.robot.is_open() => context.note("driving, but no client has the robot open"),
+            WorldClock::Runs { .. } if self.robot.client_is_silent() => context.note("driving, but the client has fallen silent"),
+            WorldClock::Runs { .. } => context.note(&format!("driving, {driven_s} of {drive_s} s")),
+        }
+        let line = self.robot.line();
+        context.count("status packets", self.state.sent);
+        context.count("commands", line.packets);
+        context.count("bad checksums", line.bad_checksums);
+        context.count("bytes not taken", self.lost_bytes);
+    }
+}
+
+/// Takes the drive up where an earlier incarnation left it.
+fn resume(checkpoint: &Checkpoint, simulation: &mut Simulation) -> DriveState {
+    let state = match checkpoint.load() {
+        Ok(saved) => saved.and_then(|bytes| DriveState::from_bytes(&bytes)).unwrap_or_default(),
+        Err(error) => {
+            tracing::warn!("the drive begins anew: {error}");
+            DriveState::default()
+        }
+    };
+    if state.packets > 0 {
+        tracing::info!("the drive goes on after {} packets, the robot switched off and on", state.packets);
+    }
+    simulation.advance_to(state.packets);
+    state
+}
+
+fn publish_surfaces(writer: &mut Writer<TruthSurfaces>, simulation: &Simulation) -> Result<(), BusError> {
+    for (seq, chunk) in (1..).zip(simulation.surfaces()) {
+        writer.send(seq, 0, &chunk)?;
+    }
+    Ok(())
+}
