@@ -44,9 +44,9 @@ impl Lines {
     }
 }
 
-/// A line as an event.
+/// A line of a log.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct LogLine {
+pub(crate) struct Line {
     pub(crate) level: Level,
     pub(crate) text: String,
 }
@@ -58,8 +58,8 @@ struct JsonEvent {
     fields: serde_json::Map<String, serde_json::Value>,
 }
 
-impl LogLine {
-    /// Reads a line: an event in JSON, or else words that are worth a warning, such as those of a panic.
+impl Line {
+    /// Reads what a child wrote: an event in JSON, or else words that are worth a warning, such as those of a panic.
     pub(crate) fn read(line: &str) -> Self {
         let event = line.starts_with('{').then(|| serde_json::from_str::<JsonEvent>(line).ok()).flatten();
         match event.and_then(|event| Some((event.level.parse().ok()?, event.fields))) {
@@ -109,14 +109,14 @@ mod tests {
     #[test]
     fn a_json_event_keeps_its_level_and_fields() {
         let line = r#"{"timestamp":"2026-01-01T00:00:00Z","level":"INFO","fields":{"message":"found the robot","baud":9600,"port":"/dev/x"},"target":"pioneer"}"#;
-        let expected = LogLine { level: Level::INFO, text: "found the robot baud=9600 port=/dev/x".to_owned() };
-        assert_eq!(LogLine::read(line), expected);
+        let expected = Line { level: Level::INFO, text: "found the robot baud=9600 port=/dev/x".to_owned() };
+        assert_eq!(Line::read(line), expected);
     }
 
     #[test]
     fn anything_else_is_a_warning_in_its_own_words() {
         for line in ["thread 'main' panicked", "{", r#"{"level":"LOUD","fields":{}}"#, r#"{"level":1}"#, "[]"] {
-            assert_eq!(LogLine::read(line), LogLine { level: Level::WARN, text: line.to_owned() });
+            assert_eq!(Line::read(line), Line { level: Level::WARN, text: line.to_owned() });
         }
     }
 

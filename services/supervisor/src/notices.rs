@@ -1,53 +1,97 @@
-//! What people are told, as tracing events; the field `process` says whom it is about.
+//! What people are told: as tracing events whose field `process` says whom they are about, and on the bus.
 
-use crate::child::Child;
 use crate::deployment::{Deployment, Ending, Notice};
-use crate::lines::LogLine;
+use crate::lines::Line;
+use bus::{BusError, DeploymentClock, Writer};
+use messages::{LogLevel, LogLine, Text};
 use tracing::Level;
 
-/// Target of the tracing events that children wrote.
+/// Target of the tracing events that processes wrote.
 pub const CHILD_TARGET: &str = "process";
+/// Who speaks when the supervisor does.
+pub(crate) const SUPERVISOR: &str = "supervisor";
 
-/// Passes on a line that a child wrote.
-pub(crate) fn pass_on(process: &str, line: &str) {
-    let LogLine { level, text } = LogLine::read(line);
-    match level {
-        Level::ERROR => tracing::error!(target: CHILD_TARGET, process, "{text}"),
-        Level::WARN => tracing::warn!(target: CHILD_TARGET, process, "{text}"),
-        Level::INFO => tracing::info!(target: CHILD_TARGET, process, "{text}"),
-        Level::DEBUG => tracing::debug!(target: CHILD_TARGET, process, "{text}"),
-        Level::TRACE => tracing::trace!(target: CHILD_TARGET, process, "{text}"),
+/// Where log lines go.
+pub(crate) struct Log {
+    bus: Writer<LogLine>,
+    clock: DeploymentClock,
+    lines: u64,
+}
+
+impl Log {
+    pub(crate) fn new(bus: Writer<LogLine>, clock: DeploymentClock) -> Self {
+        Self { bus, clock, lines: 0 }
+    }
+
+    /// Passes on a line that a process wrote.
+    pub(crate) fn pass_on(&mut self, process: &str, line: &str) -> Result<(), BusError> {
+        let Line { level, text } = Line::read(line);
+        match level {
+            Level::ERROR => tracing::error!(target: CHILD_TARGET, process, "{text}"),
+            Level::WARN => tracing::warn!(target: CHILD_TARGET, process, "{text}"),
+            Level::INFO => tracing::info!(target: CHILD_TARGET, process, "{text}"),
+            Level::DEBUG => tracing::debug!(target: CHILD_TARGET, process, "{text}"),
+            Level::TRACE => tracing::trace!(target: CHILD_TARGET, process, "{text}"),
+        }
+        self.publish(process, &Line { level, text })
+    }
+
+    /// Tells what the supervisor does.
+    pub(crate) fn tell(&mut self, notice: &Notice, deployment: &Deployment) -> Result<(), BusError> {
+        let (process, line) = words(notice, deployment);
+        let Line { level, text } = &line;
+        match *level {
+            Level::ERROR => tracing::error!(process, "{text}"),
+            Level::WARN => tracing::warn!(process, "{text}"),
+            _ => tracing::info!(process, "{text}"),
+        }
+        self.publish(process, &line)
+    }
+
+    fn publish(&mut self, process: &str, line: &Line) -> Result<(), BusError> {
+        let level = match line.level {
+            Level::ERROR => LogLevel::Error,
+            Level::WARN => LogLevel::Warning,
+            Level::INFO => LogLevel::Info,
+            Level::DEBUG | Level::TRACE => LogLevel::Debug,
+        };
+        self.lines += 1;
+        self.bus.send_with(self.lines, self.clock.now_ns(), |message| {
+            message.process = Text::new(process);
+            message.message = Text::new(&line.text);
+            message.level = level as u32;
+        })
     }
 }
 
-/// Tells what happens to the deployment.
-pub(crate) fn tell(notice: &Notice, deployment: &Deployment, children: &[Option<Child>]) {
+/// Whom a notice is about, and what it says.
+fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
     let name = |process: usize| deployment.processes().get(process).map_or("", |it| it.plan().name.as_str());
+    let info = |text: String| Line { level: Level::INFO, text };
+    let warning = |text: String| Line { level: Level::WARN, text };
+    let error = |text: String| Line { level: Level::ERROR, text };
     match notice {
         Notice::Up { process } => {
-            let pid = children.get(*process).and_then(Option::as_ref).map_or(0, Child::pid);
             let restarts = deployment.processes().get(*process).map_or(0, |it| it.restarted());
-            let again = if restarts > 0 { format!(" again, restart {restarts}") } else { String::new() };
-            tracing::info!(process = name(*process), "is up{again} (pid {pid})");
+            (name(*process), info(if restarts > 0 { format!("is up again (restart {restarts})") } else { "is up".to_owned() }))
         }
         Notice::Restarting { process, cause, after } => {
-            tracing::warn!(process = name(*process), "{cause}; starts again in {:.2} s", after.as_secs_f64());
+            (name(*process), warning(format!("{cause}; starts again in {:.2} s", after.as_secs_f64())))
         }
-        Notice::Hangs { process, cause } => tracing::warn!(process = name(*process), "{cause}; killed"),
-        Notice::Finished { process } => tracing::info!(process = name(*process), "finished"),
-        Notice::Failed { process, cause } => tracing::error!(process = name(*process), "failed: {cause}"),
-        Notice::Rebuilds => tracing::warn!("the shared memory is broken; everything starts again from its checkpoints"),
-        Notice::Ends(ending) => tell_ending(*ending, name),
-    }
-}
-
-fn tell_ending<'a>(ending: Ending, name: impl Fn(usize) -> &'a str) {
-    match ending {
-        Ending::Complete => tracing::info!("the drive has ended; what it left is being finished"),
-        Ending::NothingLeft => tracing::info!("no process is left"),
-        Ending::Asked | Ending::Forced => tracing::info!("stopping; ask once more to hurry"),
-        Ending::BadInput { process } => tracing::error!("stopping: {} refused its input", name(process)),
-        Ending::Lost { process } => tracing::error!("stopping: nothing can be done without {}", name(process)),
-        Ending::DomainBroken => tracing::error!("stopping: the shared memory breaks again and again"),
+        Notice::Hangs { process, cause } => (name(*process), warning(format!("{cause}; killed"))),
+        Notice::Finished { process } => (name(*process), info("finished".to_owned())),
+        Notice::Failed { process, cause } => (name(*process), error(format!("failed: {cause}"))),
+        Notice::Rebuilds => (SUPERVISOR, warning("the shared memory is broken; everything starts again from its checkpoints".to_owned())),
+        Notice::Ends(ending) => {
+            let line = match *ending {
+                Ending::Complete => info("the drive has ended; what it left is being finished".to_owned()),
+                Ending::NothingLeft => info("no process is left".to_owned()),
+                Ending::Asked | Ending::Forced => info("stopping in order; asking once more hurries".to_owned()),
+                Ending::BadInput { process } => error(format!("stopping: {} refused its input", name(process))),
+                Ending::Lost { process } => error(format!("stopping: nothing can be done without {}", name(process))),
+                Ending::DomainBroken => error("stopping: the shared memory breaks again and again".to_owned()),
+            };
+            (SUPERVISOR, line)
+        }
     }
 }

@@ -4,12 +4,12 @@ use crate::child::{Child, usage};
 use crate::deployment::{Action, Deployment, Event};
 use crate::guard::Guard;
 use crate::lifecycle::{Exit, State};
-use crate::notices;
+use crate::notices::{Log, SUPERVISOR};
 use crate::outcome::Outcome;
 use crate::plan::{plans, policy};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{BusError, Domain, DomainError, Reader, Received, Writer};
-use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Text};
+use bus::{BusError, DeploymentClock, Domain, DomainError, Reader, Received, Writer};
+use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{Program, Settings, SettingsError};
@@ -89,6 +89,7 @@ struct Supervisor<'a> {
     domain: Domain,
     ports: Ports,
     settings_path: PathBuf,
+    clock: DeploymentClock,
     guard: Option<Guard>,
     guard_checked: Duration,
     deployment: Deployment,
@@ -106,11 +107,13 @@ struct Ports {
     heartbeats: Reader<Heartbeat>,
     summaries: Reader<MapSummary>,
     statuses: Writer<DeploymentStatus>,
+    log: Log,
 }
 
 impl Ports {
-    fn open(domain: &mut Domain) -> Result<Self, BusError> {
-        Ok(Self { heartbeats: domain.reader()?, summaries: domain.reader()?, statuses: domain.writer()? })
+    fn open(domain: &mut Domain, clock: DeploymentClock) -> Result<Self, BusError> {
+        let log = Log::new(domain.writer()?, clock);
+        Ok(Self { heartbeats: domain.reader()?, summaries: domain.reader()?, statuses: domain.writer()?, log })
     }
 }
 
@@ -119,14 +122,17 @@ impl<'a> Supervisor<'a> {
         let text = settings.to_toml()?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let mut domain = Domain::open(settings.name.as_str(), options.speed)?;
-        let ports = Ports::open(&mut domain)?;
+        let settings_path = domain.directory().join("settings.toml");
+        let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
+        let ports = Ports::open(&mut domain, clock)?;
         let count = settings.process.len();
         let mut supervisor = Self {
             settings,
             options,
             started: Instant::now(),
             stop_requests,
-            settings_path: domain.directory().join("settings.toml"),
+            settings_path,
+            clock,
             guard: None,
             guard_checked: Duration::ZERO,
             deployment: Deployment::new(policy(&settings.supervisor), plans(settings), domain.run()),
@@ -216,7 +222,7 @@ impl<'a> Supervisor<'a> {
                 self.rebuild_domain()?;
                 events.push_back(Event::Rebuilt);
             }
-            Action::Tell(notice) => notices::tell(&notice, &self.deployment, &self.children),
+            Action::Tell(notice) => self.ports.log.tell(&notice, &self.deployment)?,
         }
         Ok(())
     }
@@ -224,7 +230,7 @@ impl<'a> Supervisor<'a> {
     fn rebuild_domain(&mut self) -> Result<(), RunError> {
         let text = self.settings.to_toml()?;
         self.domain.rebuild()?;
-        self.ports = Ports::open(&mut self.domain)?;
+        self.ports = Ports::open(&mut self.domain, self.clock)?;
         self.prepare_domain(&text)
     }
 
@@ -288,6 +294,10 @@ impl<'a> Supervisor<'a> {
             // One that was sent by a child that is already gone says nothing of the present one.
             if self.children[process].as_ref().is_some_and(|child| child.is(heartbeat.pid)) {
                 self.vitals[process].hear(&heartbeat, self.started.elapsed());
+                // Until it works, its inputs may not be open yet.
+                if heartbeat.phase == Phase::Starting as u32 {
+                    continue;
+                }
                 let work = self.vitals[process].work();
                 changed |= self.feed(Event::Heartbeat { process, work })?;
             }
@@ -310,10 +320,13 @@ impl<'a> Supervisor<'a> {
         for process in 0..self.children.len() {
             let Some(child) = &mut self.children[process] else { continue };
             let name = self.settings.process[process].name.as_str();
-            child.read_output(|line| notices::pass_on(name, line));
-            let exit = child
-                .bury(|line| notices::pass_on(name, line))
-                .map_err(|source| RunError::System { what: "waiting for a child", source })?;
+            let mut lines = Vec::new();
+            child.read_output(|line| lines.push(line.to_owned()));
+            let exit = child.bury(|line| lines.push(line.to_owned()));
+            let exit = exit.map_err(|source| RunError::System { what: "waiting for a child", source })?;
+            for line in lines {
+                self.ports.log.pass_on(name, &line)?;
+            }
             if let Some(exit) = exit {
                 self.children[process] = None;
                 self.vitals[process].end();
@@ -340,7 +353,7 @@ impl<'a> Supervisor<'a> {
         if due || changed || self.statuses == 0 {
             let status = self.status(now);
             self.statuses += 1;
-            self.ports.statuses.send(self.statuses, now.as_nanos() as u64, &status)?;
+            self.ports.statuses.send(self.statuses, self.clock.now_ns(), &status)?;
             on_report(Report::Status(&status));
         }
         Ok(())

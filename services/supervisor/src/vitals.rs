@@ -1,6 +1,7 @@
 //! What is known of one process: its last heartbeat, its rates, what it uses.
 
 use crate::lifecycle::Lifecycle;
+use crate::notices::SUPERVISOR;
 use crate::usage::Usage;
 use messages::{Heartbeat, ProcessState, ProcessStatus, Text};
 use std::time::Duration;
@@ -98,7 +99,7 @@ impl Vitals {
     /// The supervisor's own line: it sends no heartbeat to itself.
     pub(crate) fn own_status(&self) -> ProcessStatus {
         ProcessStatus {
-            process: Text::new("supervisor"),
+            process: Text::new(SUPERVISOR),
             cpu: self.cpu.min(1e4),
             resident_bytes: self.resident_bytes,
             pid: std::process::id(),
