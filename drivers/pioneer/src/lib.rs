@@ -1,1 +1,37 @@
-//! Driver of a Pioneer's serial sonar and odometry.
+//! Driver of a Pioneer's serial sonar and odometry (PSOS and P2OS protocol).
+//!
+//! The core opens no port and reads no clock: a [`Session`] takes bytes and times and returns commands and scans. The shell
+//! ([`run`]) is a serial port and the bus around it.
+//!
+//! | part | does |
+//! | --- | --- |
+//! | [`Session`] | finds the robot, keeps the link alive, notices what is wrong with it |
+//! | [`Command`] | what can be said to a robot: nothing that moves it |
+//! | [`Scanner`] | status packet to scan, with the plausibility of what a checksum lets through |
+//! | [`Odometry`] | counters that wrap around to a pose that never jumps |
+//! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
+//! | [`recording`] | decodes what somebody has recorded |
+//!
+//! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod arrivals;
+mod checkpoint;
+mod command;
+mod event;
+mod odometry;
+mod parameters;
+mod readings;
+pub mod recording;
+mod scanner;
+mod session;
+
+pub use arrivals::{Arrivals, Rhythm};
+pub use checkpoint::Checkpoint;
+pub use command::Command;
+pub use event::Event;
+pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
+pub use parameters::Parameters;
+pub use readings::{Readings, readings};
+pub use scanner::{Refusals, Scanner};
+pub use session::{Input, Output, Session};

@@ -1,0 +1,125 @@
+//! From status packets to scans: factors, odometry, plausibility.
+
+use messages::{Pose, SonarScan};
+use psos::{Model, Sip};
+
+use crate::odometry::{Counters, Odometry, Scale, Step, Track};
+use crate::parameters::Parameters;
+use crate::readings::readings;
+
+/// What was found wrong inside packets whose checksum agrees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Refusals {
+    /// Status packets that announce more than they hold.
+    pub packets: u64,
+    /// Packets whose odometry claims a motion beyond the limits; their readings are lost with them.
+    pub odometry: u64,
+    /// Readings that no sonar of this robot can have made.
+    pub readings: u64,
+    /// Readings replaced by a later one of the same sonar in the same packet.
+    pub repeated: u64,
+}
+
+/// Makes scans of the status packets of one robot.
+#[derive(Debug, Clone)]
+pub struct Scanner {
+    parameters: Parameters,
+    model: &'static Model,
+    ring: Vec<Pose>,
+    odometry: Odometry,
+    /// Something was lost since the last scan.
+    gap: bool,
+    refusals: Refusals,
+}
+
+impl Scanner {
+    /// A scanner for a robot of this model that goes on from `track`.
+    #[must_use]
+    pub fn new(parameters: &Parameters, model: &'static Model, track: Track) -> Self {
+        Self {
+            odometry: Odometry::new(scale(parameters, model), track),
+            ring: parameters.ring_of(model),
+            parameters: parameters.clone(),
+            model,
+            gap: false,
+            refusals: Refusals::default(),
+        }
+    }
+
+    /// The model whose factors are in use.
+    #[must_use]
+    pub fn model(&self) -> &'static Model {
+        self.model
+    }
+
+    /// Takes the factors of another model. The pose stays.
+    pub fn set_model(&mut self, model: &'static Model) {
+        if model != self.model {
+            self.model = model;
+            self.ring = self.parameters.ring_of(model);
+            self.odometry.rescale(scale(&self.parameters, model));
+        }
+    }
+
+    /// Says that something was lost: the next scan is marked.
+    pub fn mark_gap(&mut self) {
+        self.gap = true;
+    }
+
+    /// Counts a status packet that cannot be read.
+    pub fn refuse_packet(&mut self) {
+        self.refusals.packets += 1;
+        self.gap = true;
+    }
+
+    /// Says that the link was down: the robot's counters may start anew. The pose goes on from where it was.
+    pub fn link_was_down(&mut self) {
+        self.gap |= self.odometry.track().stamp_ns > 0;
+        self.odometry.lift();
+    }
+
+    /// Where the robot is, for going on later.
+    #[must_use]
+    pub fn track(&self) -> Track {
+        self.odometry.track()
+    }
+
+    /// What was refused so far.
+    #[must_use]
+    pub fn refusals(&self) -> Refusals {
+        self.refusals
+    }
+
+    /// The scan of a status packet.
+    ///
+    /// # Errors
+    /// The step, when the packet's odometry claims a motion beyond the limits. The next scan is marked then.
+    pub fn scan(&mut self, sip: &Sip, stamp_ns: u64) -> Result<SonarScan, Step> {
+        let counters = Counters { x: sip.x, y: sip.y, heading: sip.heading };
+        let had_track = self.odometry.track().anchored == 1;
+        match self.odometry.step(counters, stamp_ns) {
+            Step::Taken => {}
+            // Counters that start anew under way are a gap; the first ones ever are not.
+            Step::TakenUp => self.gap |= had_track,
+            refused @ Step::Refused { .. } => {
+                self.refusals.odometry += 1;
+                self.gap = true;
+                return Err(refused);
+            }
+        }
+        let readings = readings(&sip.readings, &self.ring, self.model.range_mm / 1e3, self.parameters.range_limit_m);
+        self.refusals.readings += readings.refused;
+        self.refusals.repeated += readings.repeated;
+        Ok(SonarScan::new(self.odometry.pose(), &readings.good, std::mem::take(&mut self.gap)))
+    }
+}
+
+fn scale(parameters: &Parameters, model: &Model) -> Scale {
+    Scale {
+        modulus: parameters.odometry_modulus,
+        heading_units: model.heading_units,
+        distance_m: model.distance_mm / 1e3,
+        speed_limit_m_s: parameters.speed_limit_m_s,
+        turn_limit_rad_s: parameters.turn_limit_rad_s,
+    }
+}

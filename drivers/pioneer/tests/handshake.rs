@@ -1,0 +1,245 @@
+//! Finding a robot, keeping it, and losing it: scripted, in virtual time.
+#![allow(clippy::unwrap_used, clippy::float_cmp, reason = "tests fail by panicking")]
+
+mod support;
+
+use psos::number;
+use stillmap_pioneer::{Event, Input};
+use support::{Drive, MS, Robot, S};
+
+fn connected(drive: &Drive) -> usize {
+    drive.events.iter().filter(|event| matches!(event, Event::Connected { .. })).count()
+}
+
+#[test]
+fn a_closed_robot_is_opened_and_scans_come() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(10 * S);
+    assert_eq!(drive.robot.heard[..4], [number::SYNC0, number::SYNC1, number::SYNC2, number::OPEN]);
+    assert_eq!(drive.events.len(), 1, "{:?}", drive.events);
+    assert!((97..=100).contains(&drive.scans.len()), "{}", drive.scans.len());
+    drive.check_stream();
+    let first = &drive.scans[0];
+    assert_eq!((first.seq, first.scan.after_gap, first.scan.pose.x_m), (1, 0, 0.0), "the pose starts at identity");
+    assert!(drive.scans.iter().all(|kept| kept.scan.after_gap == 0));
+    let travelled = 0.03 * (drive.scans.len() - 1) as f64;
+    assert!((drive.pose_x_m() - travelled).abs() < 1e-3, "{} of {travelled} m", drive.pose_x_m());
+    assert_eq!(drive.session.note("/dev/pioneer"), "pioneer-1 at 9600 baud, battery 13.1 V, a packet every 100 ± 0 ms");
+}
+
+#[test]
+fn a_pulse_comes_twice_a_second_and_psos_hears_nothing_it_lacks() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(10 * S);
+    let pulses = drive.robot.heard[4..].iter().filter(|&&heard| heard == number::PULSE).count();
+    assert!((18..=20).contains(&pulses), "{pulses}");
+    assert_eq!(drive.robot.heard.len(), 4 + pulses, "{:?}", drive.robot.heard);
+}
+
+#[test]
+fn the_baud_rate_is_searched() {
+    for baud in [9600, 38400, 19200, 115_200, 57600] {
+        let mut drive = Drive::new(Robot { baud, ..Robot::pioneer_1() });
+        drive.run(7 * S);
+        assert!(matches!(&drive.events[..], [Event::Connected { baud: found, .. }] if *found == baud), "{:?}", drive.events);
+        drive.check_stream();
+    }
+}
+
+#[test]
+fn no_robot_is_said() {
+    let mut drive = Drive::new(Robot { baud: 300, ..Robot::pioneer_1() });
+    drive.run(30 * S);
+    assert_eq!(drive.events, [1, 2, 4].map(|rounds| Event::NoAnswer { rounds }));
+    assert!(drive.session.note("/dev/pioneer").starts_with("no robot answers on /dev/pioneer; trying"));
+    drive.robot.baud = 19200;
+    drive.run(7 * S);
+    assert!(matches!(drive.events.last(), Some(Event::Connected { baud: 19200, .. })));
+}
+
+#[test]
+fn a_robot_left_open_is_closed_first() {
+    let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
+    drive.run(5 * S);
+    assert!(matches!(&drive.events[..], [Event::AlreadyOpen, Event::Connected { .. }]), "{:?}", drive.events);
+    assert!(drive.scans.len() > 30);
+    assert_eq!(drive.scans[0].scan.after_gap, 0, "nothing of this stream was lost");
+    drive.check_stream();
+}
+
+#[test]
+fn sonars_are_asked_for_until_they_fire() {
+    let mut drive = Drive::new(Robot::p3_dx());
+    drive.run(2 * S);
+    assert!(drive.robot.sonars);
+    let asked = |drive: &Drive| drive.robot.heard.iter().filter(|&&heard| heard == number::SONAR).count();
+    assert_eq!(asked(&drive), 1);
+    assert!(!drive.events.contains(&Event::SonarsOff));
+    // Somebody, or a fault, switches them off; the robot is deaf to the command for a while.
+    drive.robot.has_sonar_command = false;
+    drive.robot.sonars = false;
+    drive.run(6 * S);
+    assert!((4..=6).contains(&asked(&drive)), "{}", asked(&drive));
+    assert!(drive.events.contains(&Event::SonarsOff));
+    drive.robot.has_sonar_command = true;
+    drive.run(2 * S);
+    assert!(drive.robot.sonars);
+    let before = asked(&drive);
+    drive.run(5 * S);
+    assert_eq!(asked(&drive), before);
+}
+
+#[test]
+fn another_model_than_the_settings_say_uses_its_own_factors_and_says_so() {
+    let mut drive = Drive::new(Robot::p3_dx());
+    drive.run(5 * S);
+    assert!(drive.events.contains(&Event::OtherModel { settings: "pioneer-1", found: "p3-dx" }));
+    let kept = drive.scans.last().unwrap();
+    assert_eq!(kept.scan.readings()[0].range_m, 1.0, "1000 units of 1 mm");
+    assert_eq!(kept.scan.readings()[0].mount.y_m, 0.027);
+    assert!((kept.scan.pose.x_m - 0.03 * (kept.seq - 1) as f64).abs() < 1e-3);
+}
+
+#[test]
+fn an_unknown_robot_is_shouted_about() {
+    let mut drive = Drive::new(Robot { subclass: "amigo", ..Robot::pioneer_1() });
+    drive.run(3 * S);
+    assert!(drive.events.contains(&Event::UnknownModel { subclass: "amigo".into(), settings: "pioneer-1" }));
+    assert!(drive.session.note("x").starts_with("UNKNOWN ROBOT \"amigo\" taken for a pioneer-1"), "{}", drive.session.note("x"));
+}
+
+#[test]
+fn a_silent_link_is_lost_after_eight_seconds_and_found_again() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(5 * S);
+    let (before, pose) = (drive.scans.len(), drive.pose_x_m());
+    drive.quiet = true;
+    drive.run(7900 * MS);
+    assert!(!drive.events.iter().any(|event| matches!(event, Event::LinkLost { .. })));
+    drive.run(300 * MS);
+    assert!(drive.events.iter().any(|event| matches!(event, Event::LinkLost { silence_s } if (*silence_s - 8.0).abs() < 0.2)));
+    drive.quiet = false;
+    drive.run(10 * S);
+    assert_eq!(connected(&drive), 2);
+    assert_eq!(drive.session.reconnects(), 1);
+    let first_after = &drive.scans[before];
+    assert_eq!(first_after.scan.after_gap, 1);
+    assert_eq!(first_after.scan.pose.x_m, pose, "the pose goes on where it was");
+    assert!(drive.scans[before + 1..].iter().all(|kept| kept.scan.after_gap == 0));
+    drive.check_stream();
+}
+
+#[test]
+fn a_pulled_cable_is_a_new_handshake_and_a_marked_gap() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(5 * S);
+    let (before, pose) = (drive.scans.len(), drive.pose_x_m());
+    drive.plugged = false;
+    drive.run(3 * S);
+    assert_eq!(drive.session.note("/dev/pioneer"), "waiting for /dev/pioneer");
+    assert_eq!(drive.session.due_ns(), None);
+    drive.plugged = true;
+    drive.run(5 * S);
+    // The robot was still open: it is closed first.
+    assert!(drive.events.contains(&Event::AlreadyOpen));
+    assert_eq!(connected(&drive), 2);
+    assert_eq!((drive.scans[before].scan.after_gap, drive.scans[before].scan.pose.x_m), (1, pose));
+    drive.check_stream();
+}
+
+#[test]
+fn a_robot_switched_off_and_on_is_noticed_by_its_echo() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(5 * S);
+    let before = drive.scans.len();
+    drive.robot = Robot::pioneer_1();
+    drive.run(4 * S);
+    assert!(drive.events.contains(&Event::RobotRestarted), "{:?}", drive.events);
+    assert_eq!(connected(&drive), 2);
+    assert_eq!(drive.scans[before].scan.after_gap, 1);
+    drive.check_stream();
+}
+
+#[test]
+fn a_killed_driver_takes_up_the_session() {
+    let mut drive = Drive::new(Robot { baud: 38400, ..Robot::pioneer_1() });
+    drive.run(6 * S);
+    let kept = *drive.scans.last().unwrap();
+    // Half a second later another process has started. The robot was never closed.
+    let mut robot = drive.robot;
+    let later_ns = drive.now_ns + 500 * MS;
+    robot.speak(later_ns);
+    robot.heard.clear();
+    let mut next = Drive::going_on(robot, Some(kept), later_ns);
+    next.run(3 * S);
+    assert!(matches!(&next.events[..], [Event::Resumed { baud: 38400, .. }]), "{:?}", next.events);
+    assert!(next.robot.heard.iter().all(|&heard| heard == number::PULSE), "no handshake: {:?}", next.robot.heard);
+    let first = next.scans[0];
+    assert_eq!((first.seq, first.scan.after_gap), (kept.seq + 1, 1));
+    assert!((first.scan.pose.x_m - kept.scan.pose.x_m - 0.18).abs() < 1e-3, "what the robot drove meanwhile is not lost");
+    assert!((next.pose_x_m() - 0.03 * (next.scans.len() as f64 + 5.0) - kept.scan.pose.x_m).abs() < 1e-3);
+    next.check_stream();
+}
+
+#[test]
+fn a_checkpoint_is_no_excuse_for_a_robot_that_was_closed_meanwhile() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(4 * S);
+    let kept = *drive.scans.last().unwrap();
+    let mut next = Drive::going_on(Robot { x_m: 77.7, ..Robot::pioneer_1() }, Some(kept), drive.now_ns + S);
+    next.run(4 * S);
+    assert!(matches!(&next.events[..], [Event::Connected { .. }]), "{:?}", next.events);
+    let first = next.scans[0];
+    assert_eq!((first.seq, first.scan.after_gap, first.scan.pose), (kept.seq + 1, 1, kept.scan.pose));
+    assert!(first.stamp_ns > kept.stamp_ns);
+    next.check_stream();
+}
+
+#[test]
+fn lost_answers_and_a_lost_open_cost_time_only() {
+    for lost in 0..4 {
+        let mut drive = Drive::new(Robot::pioneer_1());
+        let mut answers = 0;
+        drive.damage = Box::new(move |bytes| {
+            if bytes.is_empty() {
+                return bytes;
+            }
+            answers += 1;
+            if answers - 1 == lost { Vec::new() } else { bytes }
+        });
+        drive.run(12 * S);
+        assert_eq!(drive.scans.last().map(|kept| kept.scan.count), Some(1), "lost {lost}: {:?}", drive.events);
+    }
+}
+
+#[test]
+fn stopping_closes_the_robot() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(3 * S);
+    let scans = drive.scans.len();
+    drive.step(Input::Stop);
+    assert!(!drive.robot.open);
+    assert_eq!(drive.robot.heard.last(), Some(&number::CLOSE));
+    drive.run(3 * S);
+    assert_eq!(drive.scans.len(), scans);
+}
+
+#[test]
+fn nothing_sent_in_any_of_this_moves_a_robot() {
+    let allowed = [number::PULSE, number::OPEN, number::CLOSE, number::SONAR];
+    for robot in [Robot::pioneer_1(), Robot::p3_dx(), Robot { open: true, ..Robot::p3_dx() }] {
+        let mut drive = Drive::new(robot);
+        for second in 0..60 {
+            drive.quiet = second % 13 > 9;
+            drive.plugged = second % 17 > 3;
+            drive.run(S);
+        }
+        drive.step(Input::Stop);
+        assert!(drive.sent.len() > 50);
+        for packet in &drive.sent {
+            let frame = psos::Deframer::new().push(packet).remove(0);
+            assert!(allowed.contains(&frame.data[0]), "{packet:02X?}");
+        }
+        drive.check_stream();
+    }
+}

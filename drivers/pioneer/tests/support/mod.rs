@@ -1,0 +1,234 @@
+//! A robot in virtual time, and a driver session in front of it.
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; tests fail by panicking")]
+
+use psos::{Deframer, Identity, RawReading, Sip, number};
+use stillmap_pioneer::{Checkpoint, Event, Input, Output, Parameters, Session};
+
+pub(crate) const MS: u64 = 1_000_000;
+pub(crate) const S: u64 = 1000 * MS;
+
+pub(crate) fn parameters() -> Parameters {
+    Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0)
+}
+
+pub(crate) fn recording(name: &str) -> Vec<u8> {
+    std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/pioneer").join(name)).unwrap()
+}
+
+/// A robot that drives straight on at 0.3 m/s, whose counters wrap around at 2^15.
+pub(crate) struct Robot {
+    pub subclass: &'static str,
+    pub baud: u32,
+    pub open: bool,
+    /// Whether sonars fire.
+    pub sonars: bool,
+    /// Whether it follows the command SONAR.
+    pub has_sonar_command: bool,
+    /// Metres travelled.
+    pub x_m: f64,
+    pub heard: Vec<u8>,
+    pub next_sip_ns: u64,
+    pub deframer: Deframer,
+}
+
+impl Robot {
+    pub(crate) fn pioneer_1() -> Self {
+        Self {
+            subclass: "pion1m",
+            baud: 9600,
+            open: false,
+            sonars: true,
+            has_sonar_command: false,
+            x_m: 0.0,
+            heard: Vec::new(),
+            next_sip_ns: 0,
+            deframer: Deframer::new(),
+        }
+    }
+
+    pub(crate) fn p3_dx() -> Self {
+        Self { subclass: "p3dx", sonars: false, has_sonar_command: true, ..Self::pioneer_1() }
+    }
+
+    fn unit_mm(&self) -> f64 {
+        psos::Model::of(&self.identity()).map_or(0.05066, |model| model.distance_mm)
+    }
+
+    fn identity(&self) -> Identity {
+        Identity { name: "test".into(), class: "Pioneer".into(), subclass: self.subclass.into() }
+    }
+
+    /// What it answers to bytes that arrive at this baud rate.
+    pub(crate) fn hear(&mut self, bytes: &[u8], baud: u32, now_ns: u64) -> Vec<u8> {
+        if baud != self.baud {
+            return Vec::new();
+        }
+        let mut answer = Vec::new();
+        for frame in self.deframer.push(bytes) {
+            let command = psos::Command::decode(&frame.data).unwrap();
+            self.heard.push(command.number);
+            match (self.open, command.number) {
+                (false, number::SYNC0 | number::SYNC1) => answer.extend(psos::encode_frame(&[command.number]).unwrap()),
+                (false, number::SYNC2) => {
+                    // The last step of the handshake; OPEN comes as the same number as SYNC1 from here on.
+                    answer.extend(self.identity().encode().unwrap());
+                }
+                (true, number::CLOSE) => self.open = false,
+                (true, number::SONAR) => self.sonars |= self.has_sonar_command,
+                _ => {}
+            }
+            // OPEN after SYNC2 opens; a SYNC1 after SYNC0 does not.
+            if !self.open && command.number == number::OPEN && self.heard.iter().rev().nth(1) == Some(&number::SYNC2) {
+                self.open = true;
+                answer.clear();
+                self.next_sip_ns = now_ns + 100 * MS;
+            }
+        }
+        answer
+    }
+
+    /// What it says by itself.
+    pub(crate) fn speak(&mut self, now_ns: u64) -> Vec<u8> {
+        let mut said = Vec::new();
+        while now_ns >= self.next_sip_ns {
+            self.next_sip_ns += 100 * MS;
+            self.x_m += 0.03;
+            if self.open {
+                said.extend(self.sip().encode().unwrap());
+            }
+        }
+        said
+    }
+
+    pub(crate) fn sip(&self) -> Sip {
+        let units = (self.x_m * 1000.0 / self.unit_mm()) as u64;
+        let range = 1000;
+        Sip {
+            status: 2,
+            x: (units % 32768) as u16,
+            y: 0,
+            heading: 0,
+            left_velocity: 0,
+            right_velocity: 0,
+            battery: 131,
+            left_stall_bumpers: 0,
+            right_stall_bumpers: 0,
+            control: 0,
+            flags: u16::from(self.sonars) << 1,
+            compass: 0,
+            readings: if self.sonars { vec![RawReading { sonar: 3, range }] } else { Vec::new() },
+            tail: vec![0; 5],
+        }
+    }
+}
+
+/// A session, its robot and the line between them.
+pub(crate) struct Drive {
+    pub session: Session,
+    pub robot: Robot,
+    pub now_ns: u64,
+    pub line_baud: u32,
+    /// Whether the port is there.
+    pub plugged: bool,
+    /// Whether bytes pass.
+    pub quiet: bool,
+    pub scans: Vec<Checkpoint>,
+    pub events: Vec<Event>,
+    pub sent: Vec<Vec<u8>>,
+    /// Changes what the robot says on its way.
+    pub damage: Box<dyn FnMut(Vec<u8>) -> Vec<u8>>,
+    opened: bool,
+}
+
+impl Drive {
+    pub(crate) fn new(robot: Robot) -> Self {
+        Self::going_on(robot, None, 1000 * S)
+    }
+
+    pub(crate) fn going_on(robot: Robot, checkpoint: Option<Checkpoint>, now_ns: u64) -> Self {
+        let session = Session::new(parameters(), checkpoint);
+        let line_baud = session.baud();
+        let mut robot = robot;
+        robot.next_sip_ns = robot.next_sip_ns.max(now_ns);
+        Self {
+            session,
+            robot,
+            now_ns,
+            line_baud,
+            plugged: true,
+            quiet: false,
+            scans: Vec::new(),
+            events: Vec::new(),
+            sent: Vec::new(),
+            damage: Box::new(|bytes| bytes),
+            opened: false,
+        }
+    }
+
+    /// Lets time pass in steps of 10 ms.
+    pub(crate) fn run(&mut self, for_ns: u64) {
+        let end_ns = self.now_ns + for_ns;
+        while self.now_ns < end_ns {
+            self.now_ns += 10 * MS;
+            let said = self.robot.speak(self.now_ns);
+            match (self.plugged, self.opened) {
+                (true, false) => {
+                    self.opened = true;
+                    self.line_baud = self.session.baud();
+                    self.step(Input::Opened);
+                }
+                (false, true) => {
+                    self.opened = false;
+                    self.step(Input::Vanished);
+                }
+                _ => {}
+            }
+            if self.opened && !self.quiet && self.line_baud == self.robot.baud {
+                let said = (self.damage)(said);
+                if !said.is_empty() {
+                    self.step(Input::Bytes(&said));
+                }
+            }
+            self.step(Input::Tick);
+        }
+    }
+
+    pub(crate) fn step(&mut self, input: Input<'_>) {
+        for output in self.session.step(input, self.now_ns) {
+            match output {
+                Output::Send(command) => {
+                    self.sent.push(command.packet());
+                    if !self.opened || self.quiet {
+                        continue;
+                    }
+                    let answer = self.robot.hear(&command.packet(), self.line_baud, self.now_ns);
+                    let answer = (self.damage)(answer);
+                    if !answer.is_empty() {
+                        self.step(Input::Bytes(&answer));
+                    }
+                }
+                Output::Baud(baud) => self.line_baud = baud,
+                Output::Flush => {}
+                Output::Reopen => self.opened = false,
+                Output::Publish(kept) => self.scans.push(*kept),
+                Output::Event(event) => self.events.push(event),
+            }
+        }
+    }
+
+    pub(crate) fn pose_x_m(&self) -> f64 {
+        self.scans.last().unwrap().scan.pose.x_m
+    }
+
+    /// What must hold of every stream of scans: numbers without a hole, stamps that grow, no jump.
+    pub(crate) fn check_stream(&self) {
+        for pair in self.scans.windows(2) {
+            assert_eq!(pair[1].seq, pair[0].seq + 1);
+            assert!(pair[1].stamp_ns > pair[0].stamp_ns);
+            let moved = (pair[1].scan.pose.x_m - pair[0].scan.pose.x_m).abs();
+            let time_s = (pair[1].stamp_ns - pair[0].stamp_ns) as f64 / 1e9;
+            assert!(moved <= time_s.max(0.1) + 0.1, "{moved} m in {time_s} s before scan {}", pair[1].seq);
+            messages::Payload::validate(&pair[1].scan).unwrap();
+        }
+    }
+}
