@@ -2,7 +2,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use grid::CellSize;
+use grid::{Cell, CellSize, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::numeric::azimuth;
@@ -50,13 +50,28 @@ impl Cone {
 
     /// The rows that may hold cells of the cone.
     pub(crate) fn rows(&self) -> RangeInclusive<i32> {
-        // A corner of the cone at its reach, or the top of its arc when that points straight along y.
-        let end = |side: f64| (self.sin + side * self.tan_half * self.cos) / (1.0 + self.tan_half * self.tan_half).sqrt();
-        let (left, right) = (end(1.0), end(-1.0));
-        let points_along_y = self.cos.abs() <= self.tan_half * self.sin.abs();
-        let highest = if points_along_y && self.sin > 0.0 { 1.0 } else { left.max(right).max(0.0) };
-        let lowest = if points_along_y && self.sin < 0.0 { -1.0 } else { left.min(right).min(0.0) };
-        self.cell.index_of(self.y + self.reach * lowest)..=self.cell.index_of(self.y + self.reach * highest)
+        self.indices(self.y, self.sin, self.cos)
+    }
+
+    /// The tiles that may hold cells of the cone.
+    pub(crate) fn tiles(&self) -> impl Iterator<Item = TileKey> + use<> {
+        let (rows, columns) = (self.rows(), self.indices(self.x, self.cos, -self.sin));
+        // A row's own columns may round to the cell beside.
+        let first = Cell { row: *rows.start(), column: columns.start().saturating_sub(1) }.tile();
+        let last = Cell { row: *rows.end(), column: columns.end().saturating_add(1) }.tile();
+        (first.row..=last.row).flat_map(move |row| (first.column..=last.column).map(move |column| TileKey { row, column }))
+    }
+
+    /// The indices of cells that the cone covers along x or y: from the transducer's coordinate, and the components of the axis
+    /// and of the direction left of it.
+    fn indices(&self, from: f64, ahead: f64, left: f64) -> RangeInclusive<i32> {
+        let corner = |side: f64| (ahead + side * self.tan_half * left) / (1.0 + self.tan_half * self.tan_half).sqrt();
+        let (one, other) = (corner(1.0), corner(-1.0));
+        // The arc bulges beyond its corners when the opening holds the direction of the coordinate itself.
+        let bulges = left.abs() <= self.tan_half * ahead.abs();
+        let highest = if bulges && ahead > 0.0 { 1.0 } else { one.max(other).max(0.0) };
+        let lowest = if bulges && ahead < 0.0 { -1.0 } else { one.min(other).min(0.0) };
+        self.cell.index_of(from + self.reach * lowest)..=self.cell.index_of(from + self.reach * highest)
     }
 
     /// The columns of a row that may hold cells of the cone, widened to whole groups. Empty when there are none.
@@ -78,13 +93,9 @@ impl Cone {
                 high = high.min(-rest / per_dx);
             }
         }
-        let slack = self.cell.metres();
-        if low > high + slack {
-            return 0..0;
-        }
         let group = LANES as i32;
-        let first = self.cell.index_of(self.x + low - 0.5 * slack) & !(group - 1);
-        let last = self.cell.index_of(self.x + high + 0.5 * slack) | (group - 1);
+        let first = self.cell.index_of(self.x + low) & !(group - 1);
+        let last = self.cell.index_of(self.x + high) | (group - 1);
         first..last.saturating_add(1)
     }
 

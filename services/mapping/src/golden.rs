@@ -6,7 +6,7 @@ use serde_json::Value;
 use settings::Pace;
 
 use crate::Parameters;
-use crate::integrate::{add, integrate, probability};
+use crate::integrate::{Beam, add, probability};
 use crate::parameters::SensorParameters;
 use crate::sensor_model::{Extent, SensorModel};
 use crate::tuning::Tuned;
@@ -91,17 +91,18 @@ fn the_one_dimensional_study_agrees() {
         let mut lattice = Lattice::new(parameters.cell);
         let robot = Pose { y_m: parameters.cell.centre_of(0), ..Pose::default() };
         let mut compared = 0;
-        for reading in 1..=24 {
-            let range_m = match reading {
+        for count in 1..=24 {
+            let range_m = match count {
                 1..=8 => 1.0,
                 9..=16 => 1.6,
                 _ => 0.5,
             };
-            integrate(&mut lattice, &parameters, &robot, &SonarReading { range_m, echo: 1, ..SonarReading::default() }, false);
-            let Some(profile) = study["profiles"].get(reading.to_string()) else { continue };
+            let reading = SonarReading { range_m, echo: 1, ..SonarReading::default() };
+            Beam { map_from_robot: &robot, reading: &reading }.integrate(&mut lattice, &parameters, false);
+            let Some(profile) = study["profiles"].get(count.to_string()) else { continue };
             for (z, expected) in numbers(&study["z"]).into_iter().zip(numbers(profile)) {
                 let found = probability(lattice.get(parameters.cell.cell_at(z, robot.y_m)));
-                assert!((found - expected).abs() < TOLERANCE, "{name}, after {reading}, at {z} m: {found}, expected {expected}");
+                assert!((found - expected).abs() < TOLERANCE, "{name}, after {count}, at {z} m: {found}, expected {expected}");
                 compared += 1;
             }
             assert!((-9..60).all(|column| [-1, 1].iter().all(|&row| lattice.get(Cell { row, column }) == 0.0)));

@@ -1,6 +1,6 @@
 //! One reading into a lattice: look at what the cone holds, tune, update (eqs. 1 to 3).
 
-use grid::Lattice;
+use grid::{Lattice, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::Parameters;
@@ -8,27 +8,43 @@ use crate::cone::{Cone, LANES};
 use crate::sensor_model::{Extent, SensorModel};
 use crate::tuning::Known;
 
-/// Integrates a reading taken by a robot at `map_from_robot`. A reading that is `withheld` leaves out its occupied part.
-///
-/// The lattice holds log-odds of occupancy. Only cells within the cone and up to the end of its arc are touched.
-pub(crate) fn integrate(
-    lattice: &mut Lattice<f32>,
-    parameters: &Parameters,
-    map_from_robot: &Pose,
-    reading: &SonarReading,
-    withheld: bool,
-) {
-    let extent = if reading.echo != 0 {
-        Extent::of_echo(&parameters.sensor, reading.range_m)
-    } else {
-        Extent::of_silence(&parameters.sensor, reading.range_m)
-    };
-    let cone = Cone::new(parameters.cell, map_from_robot, reading, parameters.half_beam_rad, extent.c);
-    let known = if parameters.tuning.enabled() { look(lattice, &cone, extent) } else { Known::NOTHING };
-    let tuned = parameters.tuning.tune(known);
-    let extent = if withheld { extent.without_surface() } else { extent };
-    let model = SensorModel::new(&parameters.sensor, reading.range_m, extent, tuned);
-    update(lattice, &cone.reaching(extent.c), &model, parameters.l_max);
+/// A reading and where the robot was.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Beam<'a> {
+    pub(crate) map_from_robot: &'a Pose,
+    pub(crate) reading: &'a SonarReading,
+}
+
+impl Beam<'_> {
+    /// Integrates the reading. When it is `withheld`, its occupied part is left out.
+    ///
+    /// The lattice holds log-odds of occupancy. Only cells within the cone and up to the end of its arc are touched.
+    pub(crate) fn integrate(&self, lattice: &mut Lattice<f32>, parameters: &Parameters, withheld: bool) {
+        let extent = self.extent(parameters);
+        let cone = self.cone(parameters, extent.c);
+        let known = if parameters.tuning.enabled() { look(lattice, &cone, extent) } else { Known::NOTHING };
+        let tuned = parameters.tuning.tune(known);
+        let extent = if withheld { extent.without_surface() } else { extent };
+        let model = SensorModel::new(&parameters.sensor, self.reading.range_m, extent, tuned);
+        update(lattice, &cone.reaching(extent.c), &model, parameters.l_max);
+    }
+
+    /// The tiles that hold every cell the reading looks at or touches.
+    pub(crate) fn tiles(&self, parameters: &Parameters) -> impl Iterator<Item = TileKey> + use<> {
+        self.cone(parameters, self.extent(parameters).c).tiles()
+    }
+
+    fn extent(&self, parameters: &Parameters) -> Extent {
+        let range_m = self.reading.range_m;
+        match self.reading.echo {
+            0 => Extent::of_silence(&parameters.sensor, range_m),
+            _ => Extent::of_echo(&parameters.sensor, range_m),
+        }
+    }
+
+    fn cone(&self, parameters: &Parameters, reach: f64) -> Cone {
+        Cone::new(parameters.cell, self.map_from_robot, self.reading, parameters.half_beam_rad, reach)
+    }
 }
 
 /// The highest occupancies in the cone: of the arc, and of what lies at least a cell before it.

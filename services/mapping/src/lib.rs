@@ -10,23 +10,26 @@
 
 //! Fuzzy-tuned grid-based mapping (FTGBM), the owner of the map.
 
+mod codec;
 mod cone;
+mod digest;
 #[cfg(test)]
 mod golden;
 mod integrate;
+mod layer;
+mod mapper;
 mod numeric;
 mod parameters;
+mod pending;
+#[cfg(test)]
+mod reference;
 mod sensor_model;
+mod state;
 mod tuning;
+mod way;
 
+pub use codec::StateError;
+pub use mapper::{Counts, Input, Mapper, Refused};
 pub use parameters::{Parameters, ParametersError};
 
-#[doc(hidden)]
-pub fn integrate_reading(
-    lattice: &mut grid::Lattice<f32>,
-    parameters: &Parameters,
-    pose: &messages::Pose,
-    reading: &messages::SonarReading,
-) {
-    integrate::integrate(lattice, parameters, pose, reading, false);
-}
+const _: () = assert!(grid::TILE_EDGE == messages::TILE_EDGE);

@@ -1,0 +1,355 @@
+//! The map as a fold over scans and verdicts.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, WayChunk};
+
+use grid::TileKey;
+
+use crate::Parameters;
+use crate::digest::digest;
+use crate::layer::Layer;
+use crate::parameters::CommitRule;
+use crate::pending::PendingScan;
+use crate::way::Way;
+
+/// Most verdicts that are kept for scans still to come.
+pub(crate) const MAX_EARLY: usize = 1024;
+
+/// What a mapper is fed.
+#[derive(Debug, Clone, Copy)]
+pub enum Input<'a> {
+    /// A scan.
+    Scan {
+        /// Its place in the stream of scans; greater than that of the scan before.
+        seq: u64,
+        /// Its sensor time, ns; not before that of the scan before.
+        stamp_ns: u64,
+        /// Its readings.
+        scan: &'a SonarScan,
+    },
+    /// The verdict on a scan, before or after the scan itself.
+    Verdict {
+        /// The place of the scan it is on.
+        seq: u64,
+        /// Which readings are withheld.
+        verdict: &'a FilterVerdict,
+    },
+    /// Neither scans nor verdicts are to come: what is pending is integrated as it stands.
+    End,
+}
+
+/// Input that was not taken; the map is as before.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refused {
+    /// Numbers that cannot be meant.
+    #[error("message {seq}: {source}")]
+    Invalid {
+        /// Its place in the stream.
+        seq: u64,
+        /// The number.
+        source: Invalid,
+    },
+    /// The scan, or one after it, has been taken.
+    #[error("scan {seq} has been taken: the last one is {last}")]
+    RepeatedScan {
+        /// Its place.
+        seq: u64,
+        /// Place of the last scan taken.
+        last: u64,
+    },
+    /// The scan is older than the one before it.
+    #[error("scan {seq} is of {stamp_ns} ns, expected at least {last_ns} ns, the time of the one before")]
+    BackInTime {
+        /// Its place.
+        seq: u64,
+        /// Its time.
+        stamp_ns: u64,
+        /// The time of the scan before.
+        last_ns: u64,
+    },
+    /// The settings say that none is to come.
+    #[error("a verdict on scan {seq}, expected none: the settings do not expect verdicts")]
+    UnexpectedVerdict {
+        /// Place of the scan.
+        seq: u64,
+    },
+    /// There is a verdict on this scan.
+    #[error("a second verdict on scan {seq}")]
+    RepeatedVerdict {
+        /// Place of the scan.
+        seq: u64,
+    },
+    /// The scan has been integrated for good, or never came.
+    #[error("the verdict on scan {seq} is too late: scans up to {decided} are decided")]
+    LateVerdict {
+        /// Place of the scan.
+        seq: u64,
+        /// Last scan that is decided.
+        decided: u64,
+    },
+    /// Too many verdicts wait for their scans.
+    #[error("the verdict on scan {seq} is too early: {waiting} others wait for scans after {last}")]
+    EarlyVerdict {
+        /// Place of the scan.
+        seq: u64,
+        /// Verdicts that wait.
+        waiting: usize,
+        /// Place of the last scan taken.
+        last: u64,
+    },
+}
+
+/// What has been integrated for good.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Scans.
+    pub scans: u64,
+    /// Readings.
+    pub readings: u64,
+    /// Readings whose occupied part was left out.
+    pub withheld: u64,
+    /// Readings without a verdict, where verdicts were expected.
+    pub undecided: u64,
+}
+
+/// Place and time of a scan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Mark {
+    pub(crate) seq: u64,
+    pub(crate) stamp_ns: u64,
+}
+
+/// The map's owner: scans and verdicts in, lattices out.
+///
+/// What is committed depends on the scans and their verdicts alone, not on when a verdict came, unless at sensor pace it
+/// missed its deadline.
+#[derive(Debug, Clone)]
+pub struct Mapper {
+    pub(crate) parameters: Parameters,
+    pub(crate) filtered: Layer,
+    pub(crate) unfiltered: Option<Layer>,
+    /// Scans within the horizon, in their order.
+    pub(crate) pending: VecDeque<PendingScan>,
+    /// Verdicts on scans still to come.
+    pub(crate) early: BTreeMap<u64, u32>,
+    pub(crate) way: Way,
+    /// The last scan taken; all zero before the first.
+    pub(crate) last: Mark,
+    pub(crate) counts: Counts,
+}
+
+impl Mapper {
+    /// An empty map.
+    #[must_use]
+    pub fn new(parameters: Parameters) -> Self {
+        let cell = parameters.cell;
+        Self {
+            filtered: Layer::new(cell, true),
+            unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false)),
+            pending: VecDeque::new(),
+            early: BTreeMap::new(),
+            way: Way::default(),
+            last: Mark::default(),
+            counts: Counts::default(),
+            parameters,
+        }
+    }
+
+    /// Takes one input. What it changes is shown after [`Self::refresh`].
+    ///
+    /// # Errors
+    /// Input that is invalid, was had before, or comes too late or too early; the map is then as before.
+    pub fn step(&mut self, input: Input<'_>) -> Result<(), Refused> {
+        match input {
+            Input::Scan { seq, stamp_ns, scan } => {
+                self.take_scan(Mark { seq, stamp_ns }, scan)?;
+                self.commit_while(|rule, scan| decided(rule, scan, stamp_ns));
+            }
+            Input::Verdict { seq, verdict } => {
+                self.take_verdict(seq, verdict)?;
+                let now_ns = self.last.stamp_ns;
+                self.commit_while(|rule, scan| decided(rule, scan, now_ns));
+            }
+            Input::End => self.commit_while(|_, _| true),
+        }
+        Ok(())
+    }
+
+    fn take_scan(&mut self, mark: Mark, scan: &SonarScan) -> Result<(), Refused> {
+        let Mark { seq, stamp_ns } = mark;
+        scan.validate().map_err(|source| Refused::Invalid { seq, source })?;
+        if seq <= self.last.seq {
+            return Err(Refused::RepeatedScan { seq, last: self.last.seq });
+        }
+        if stamp_ns < self.last.stamp_ns {
+            return Err(Refused::BackInTime { seq, stamp_ns, last_ns: self.last.stamp_ns });
+        }
+        self.last = mark;
+        self.way.visit(&scan.pose);
+        // Verdicts on scans that were lost on the way wait for nothing.
+        self.early = self.early.split_off(&seq);
+        let withheld = self.early.remove(&seq);
+        self.pending.push_back(PendingScan { seq, stamp_ns, scan: *scan, withheld });
+        Ok(())
+    }
+
+    fn take_verdict(&mut self, seq: u64, verdict: &FilterVerdict) -> Result<(), Refused> {
+        verdict.validate().map_err(|source| Refused::Invalid { seq, source })?;
+        if let CommitRule::AtHorizon { .. } = self.parameters.commit {
+            return Err(Refused::UnexpectedVerdict { seq });
+        }
+        if seq > self.last.seq {
+            let waiting = self.early.len();
+            if self.early.contains_key(&seq) {
+                return Err(Refused::RepeatedVerdict { seq });
+            }
+            if waiting >= MAX_EARLY {
+                return Err(Refused::EarlyVerdict { seq, waiting, last: self.last.seq });
+            }
+            self.early.insert(seq, verdict.withheld);
+            return Ok(());
+        }
+        match self.pending.binary_search_by_key(&seq, |scan| scan.seq).map(|at| &mut self.pending[at].withheld) {
+            Ok(Some(_)) => Err(Refused::RepeatedVerdict { seq }),
+            Ok(undecided) => {
+                *undecided = Some(verdict.withheld);
+                Ok(())
+            }
+            Err(_) => Err(Refused::LateVerdict { seq, decided: self.pending.front().map_or(self.last.seq, |scan| scan.seq - 1) }),
+        }
+    }
+
+    /// Integrates pending scans for good, in their order, up to the first that is not decided.
+    fn commit_while(&mut self, decided: impl Fn(CommitRule, &PendingScan) -> bool) {
+        while let Some(scan) = self.pending.pop_front_if(|scan| decided(self.parameters.commit, scan)) {
+            self.filtered.commit(&self.parameters, &scan);
+            if let Some(unfiltered) = &mut self.unfiltered {
+                unfiltered.commit(&self.parameters, &scan);
+            }
+            let readings = scan.scan.readings().len() as u64;
+            self.counts.scans += 1;
+            self.counts.readings += readings;
+            self.counts.withheld += scan.withheld_count();
+            let expected = !matches!(self.parameters.commit, CommitRule::AtHorizon { .. });
+            if expected && scan.withheld.is_none() {
+                self.counts.undecided += readings;
+            }
+        }
+    }
+
+    /// Makes what is shown anew: the committed lattice with the pending readings on top.
+    ///
+    /// Takes time in the number of pending readings and of tiles changed since the last time, not in the size of the map.
+    pub fn refresh(&mut self) {
+        self.filtered.refresh(&self.parameters, self.pending.iter());
+        if let Some(unfiltered) = &mut self.unfiltered {
+            unfiltered.refresh(&self.parameters, self.pending.iter());
+        }
+    }
+
+    /// Up to `most` tiles of a layer that have changed since they were last taken here.
+    pub fn take_unsent(&mut self, layer: LayerName, most: usize) -> Vec<TileKey> {
+        self.layer_mut(layer).map_or_else(Vec::new, |layer| layer.take_unsent(most))
+    }
+
+    /// Writes a tile of a layer as it is shown into a message.
+    pub fn write_tile(&self, layer: LayerName, key: TileKey, message: &mut MapTile) {
+        let Some(shown) = self.layer(layer).map(Layer::shown) else { return };
+        *message = MapTile {
+            cell_m: self.parameters.cell_m(),
+            scan_seq: self.last.seq,
+            column: key.column,
+            row: key.row,
+            layer: layer as u32,
+            tiles_in_layer: shown.tile_count() as u32,
+            log_odds: shown.tile(key).copied().unwrap_or([0.0; messages::TILE_CELLS]),
+        };
+    }
+
+    /// All tiles of a layer as they are shown, in the order of their place.
+    pub fn shown_tiles(&self, layer: LayerName) -> impl Iterator<Item = MapTile> {
+        self.layer(layer).into_iter().flat_map(|held| held.shown().tiles()).map(move |(key, _)| {
+            let mut tile = MapTile::default();
+            self.write_tile(layer, key, &mut tile);
+            tile
+        })
+    }
+
+    /// The next piece of the robot's way that was not taken yet.
+    pub fn next_way_chunk(&mut self) -> Option<WayChunk> {
+        self.way.next_chunk()
+    }
+
+    /// The robot's way in the map frame, m.
+    #[must_use]
+    pub fn way_m(&self) -> &[[f32; 2]] {
+        &self.way.places_m
+    }
+
+    /// The whole map and way are to be sent again: someone has joined who holds nothing.
+    pub fn send_again(&mut self) {
+        self.filtered.send_again();
+        if let Some(unfiltered) = &mut self.unfiltered {
+            unfiltered.send_again();
+        }
+        self.way.send_again();
+    }
+
+    /// What is integrated for good, in numbers. Takes time in the size of the map.
+    #[must_use]
+    pub fn summary(&self) -> MapSummary {
+        let (sha256, tiles) = digest(self.filtered.committed());
+        let Counts { scans, readings, withheld, undecided } = self.counts;
+        MapSummary { sha256, scans, readings, withheld, undecided, tiles, way_m: self.way.length_m }
+    }
+
+    /// What has been integrated for good.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// Number of scans within the horizon.
+    #[must_use]
+    pub fn pending_scans(&self) -> usize {
+        self.pending.len()
+    }
+
+    /// Place and time of the last scan taken: 0 and 0 before the first.
+    #[must_use]
+    pub fn last_scan(&self) -> (u64, u64) {
+        (self.last.seq, self.last.stamp_ns)
+    }
+
+    /// Every verdict up to this place has been taken, or can no longer be.
+    #[must_use]
+    pub fn decided_up_to(&self) -> u64 {
+        let first_undecided = self.pending.iter().find(|scan| scan.withheld.is_none());
+        first_undecided.map_or(self.last.seq, |scan| scan.seq - 1)
+    }
+
+    fn layer(&self, name: LayerName) -> Option<&Layer> {
+        match name {
+            LayerName::Filtered => Some(&self.filtered),
+            LayerName::Unfiltered => self.unfiltered.as_ref(),
+        }
+    }
+
+    fn layer_mut(&mut self, name: LayerName) -> Option<&mut Layer> {
+        match name {
+            LayerName::Filtered => Some(&mut self.filtered),
+            LayerName::Unfiltered => self.unfiltered.as_mut(),
+        }
+    }
+}
+
+/// Whether a pending scan is decided at sensor time `now_ns`.
+fn decided(rule: CommitRule, scan: &PendingScan, now_ns: u64) -> bool {
+    let is_past = |after_ns: u64| now_ns >= scan.stamp_ns.saturating_add(after_ns);
+    match rule {
+        CommitRule::AtHorizon { horizon_ns } => is_past(horizon_ns),
+        CommitRule::AtVerdict => scan.withheld.is_some(),
+        CommitRule::AtVerdictOr { deadline_ns } => scan.withheld.is_some() || is_past(deadline_ns),
+    }
+}

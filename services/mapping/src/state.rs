@@ -1,0 +1,183 @@
+//! The whole state of a mapper as bytes, so that another process can go on from it.
+//!
+//! Layout, all numbers little-endian; counts are u64:
+//!
+//! | what | how |
+//! | --- | --- |
+//! | name and version | 8 bytes `SMMAP\0\0\1` |
+//! | what it was made with | edge of a cell f64, limit of log-odds f32, unfiltered layer kept u32 |
+//! | last scan taken | seq u64, stamp u64 |
+//! | counts | scans, readings, withheld, undecided u64 |
+//! | way | step f64, length f64, count, places 2 × f32 |
+//! | pending scans | count, each: seq u64, stamp u64, decided u32, withheld u32, pose 3 × f64, after gap u32, readings u32, each: mount 3 × f64, range f64, sonar u32, echo u32 |
+//! | early verdicts | count, each: seq u64, withheld u32 |
+//! | layers | one or two, each: count of tiles, each: row i32, column i32, 1024 cells f32 |
+
+use grid::TileKey;
+use messages::{MAX_READINGS, Payload, Pose, SonarReading, SonarScan};
+
+use crate::Parameters;
+use crate::codec::{Decoder, Encode, StateError};
+use crate::layer::Layer;
+use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
+use crate::pending::PendingScan;
+use crate::way::{MAX_PLACES, Way};
+
+const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x01";
+const TILE_BYTES: usize = 8 + 4 * grid::TILE_CELLS;
+const ALL_READINGS: u32 = (1 << MAX_READINGS) - 1;
+
+impl Mapper {
+    /// The whole state. What is shown is not part of it: [`Self::refresh`] makes it anew.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        let tiles: usize = self.layers().map(|layer| layer.committed().tile_count()).sum();
+        let mut bytes = Vec::with_capacity(tiles * TILE_BYTES + 8 * self.way.places_m.len() + 1024 * (self.pending.len() + 1));
+        bytes.put(NAME_AND_VERSION);
+        bytes.put_f64(self.parameters.cell_m());
+        bytes.put(&self.parameters.l_max.to_le_bytes());
+        bytes.put_u32(u32::from(self.parameters.keep_unfiltered));
+        bytes.put_u64(self.last.seq);
+        bytes.put_u64(self.last.stamp_ns);
+        let Counts { scans, readings, withheld, undecided } = self.counts;
+        [scans, readings, withheld, undecided].iter().for_each(|&count| bytes.put_u64(count));
+        put_way(&mut bytes, &self.way);
+        bytes.put_u64(self.pending.len() as u64);
+        self.pending.iter().for_each(|scan| put_pending(&mut bytes, scan));
+        bytes.put_u64(self.early.len() as u64);
+        for (seq, withheld) in &self.early {
+            bytes.put_u64(*seq);
+            bytes.put_u32(*withheld);
+        }
+        self.layers().for_each(|layer| put_layer(&mut bytes, layer));
+        bytes
+    }
+
+    /// A mapper that goes on from what [`Self::save`] gave, with the parameters it had then.
+    ///
+    /// # Errors
+    /// Bytes that no mapper with these parameters saved, with the place of the first that is wrong.
+    pub fn restore(parameters: Parameters, bytes: &[u8]) -> Result<Self, StateError> {
+        let from = &mut Decoder::new(bytes);
+        let mut mapper = Mapper::new(parameters);
+        let name = from.bytes::<8>()?;
+        from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x01: the state of a map, version 1")?;
+        let cell_m = from.f64()?;
+        from.require(cell_m.to_bits() == mapper.parameters.cell_m().to_bits(), cell_m, "the edge of a cell that is set")?;
+        let l_max = from.f32()?;
+        from.require(l_max.to_bits() == mapper.parameters.l_max.to_bits(), l_max, "the limit of log-odds that is set")?;
+        let unfiltered = from.u32()?;
+        from.require(unfiltered == u32::from(mapper.parameters.keep_unfiltered), unfiltered, "an unfiltered layer as it is set")?;
+        mapper.last = Mark { seq: from.u64()?, stamp_ns: from.u64()? };
+        mapper.counts = Counts { scans: from.u64()?, readings: from.u64()?, withheld: from.u64()?, undecided: from.u64()? };
+        mapper.way = take_way(from)?;
+        for _ in 0..from.count(60)? {
+            let scan = take_pending(from)?;
+            let after = mapper.pending.back().map_or((0, 0), |before| (before.seq, before.stamp_ns));
+            let in_order = scan.seq > after.0 && scan.seq <= mapper.last.seq;
+            from.require(in_order, scan.seq, "pending scans in their order, up to the last one taken")?;
+            from.require((after.1..=mapper.last.stamp_ns).contains(&scan.stamp_ns), scan.stamp_ns, "times in their order")?;
+            mapper.pending.push_back(scan);
+        }
+        for _ in 0..from.count(12)? {
+            let (seq, withheld) = (from.u64()?, from.u32()?);
+            let in_order = seq > mapper.early.last_key_value().map_or(mapper.last.seq, |(last, _)| *last);
+            from.require(in_order && mapper.early.len() < MAX_EARLY, seq, "at most 1024 early verdicts in their order")?;
+            from.require(withheld <= ALL_READINGS, withheld, "a bit for each of 16 readings")?;
+            mapper.early.insert(seq, withheld);
+        }
+        take_layer(from, &mut mapper.filtered, l_max)?;
+        if let Some(unfiltered) = &mut mapper.unfiltered {
+            take_layer(from, unfiltered, l_max)?;
+        }
+        from.end()?;
+        Ok(mapper)
+    }
+
+    fn layers(&self) -> impl Iterator<Item = &Layer> {
+        std::iter::once(&self.filtered).chain(&self.unfiltered)
+    }
+}
+
+fn put_way(bytes: &mut Vec<u8>, way: &Way) {
+    bytes.put_f64(way.step_m);
+    bytes.put_f64(way.length_m);
+    bytes.put_u64(way.places_m.len() as u64);
+    way.places_m.as_flattened().iter().for_each(|number| bytes.put(&number.to_le_bytes()));
+}
+
+fn take_way(from: &mut Decoder<'_>) -> Result<Way, StateError> {
+    let (step_m, length_m) = (from.f64()?, from.f64()?);
+    from.require(step_m > 0.0 && step_m.is_finite(), step_m, "a step of the way above 0")?;
+    from.require(length_m >= 0.0 && length_m.is_finite(), length_m, "a length of the way")?;
+    let count = from.count(8)?;
+    from.require(count <= MAX_PLACES, count, "at most 16384 places of the way")?;
+    let mut places_m = Vec::with_capacity(count);
+    for _ in 0..count {
+        let place = [from.f32()?, from.f32()?];
+        from.require(place.iter().all(|number| number.abs() <= 1e6), format!("{place:?}"), "a place within 1000 km")?;
+        places_m.push(place);
+    }
+    Ok(Way::restored(step_m, length_m, places_m))
+}
+
+fn put_pose(bytes: &mut Vec<u8>, pose: &Pose) {
+    [pose.x_m, pose.y_m, pose.yaw_rad].iter().for_each(|&number| bytes.put_f64(number));
+}
+
+fn take_pose(from: &mut Decoder<'_>) -> Result<Pose, StateError> {
+    Ok(Pose { x_m: from.f64()?, y_m: from.f64()?, yaw_rad: from.f64()? })
+}
+
+fn put_pending(bytes: &mut Vec<u8>, pending: &PendingScan) {
+    bytes.put_u64(pending.seq);
+    bytes.put_u64(pending.stamp_ns);
+    bytes.put_u32(u32::from(pending.withheld.is_some()));
+    bytes.put_u32(pending.withheld.unwrap_or(0));
+    put_pose(bytes, &pending.scan.pose);
+    bytes.put_u32(pending.scan.after_gap);
+    bytes.put_u32(pending.scan.readings().len() as u32);
+    for reading in pending.scan.readings() {
+        put_pose(bytes, &reading.mount);
+        bytes.put_f64(reading.range_m);
+        bytes.put_u32(reading.sonar);
+        bytes.put_u32(reading.echo);
+    }
+}
+
+fn take_pending(from: &mut Decoder<'_>) -> Result<PendingScan, StateError> {
+    let (seq, stamp_ns) = (from.u64()?, from.u64()?);
+    let (decided, withheld) = (from.u32()?, from.u32()?);
+    from.require(decided <= 1, decided, "0 or 1")?;
+    from.require(withheld <= ALL_READINGS * decided, withheld, "a bit for each of 16 readings, none when undecided")?;
+    let mut scan = SonarScan { pose: take_pose(from)?, after_gap: from.u32()?, count: from.u32()?, ..SonarScan::default() };
+    from.require(scan.count as usize <= MAX_READINGS, scan.count, "at most 16 readings")?;
+    for reading in scan.readings.iter_mut().take(scan.count as usize) {
+        *reading = SonarReading { mount: take_pose(from)?, range_m: from.f64()?, sonar: from.u32()?, echo: from.u32()? };
+    }
+    scan.validate().map_err(|invalid| from.error(invalid.to_string(), "a valid scan"))?;
+    Ok(PendingScan { seq, stamp_ns, scan, withheld: (decided == 1).then_some(withheld) })
+}
+
+fn put_layer(bytes: &mut Vec<u8>, layer: &Layer) {
+    bytes.put_u64(layer.committed().tile_count() as u64);
+    for (key, cells) in layer.committed().tiles() {
+        bytes.put(&key.row.to_le_bytes());
+        bytes.put(&key.column.to_le_bytes());
+        let mut encoded = [[0; 4]; grid::TILE_CELLS];
+        encoded.iter_mut().zip(cells).for_each(|(bytes, cell)| *bytes = cell.to_le_bytes());
+        bytes.put(encoded.as_flattened());
+    }
+}
+
+fn take_layer(from: &mut Decoder<'_>, layer: &mut Layer, l_max: f32) -> Result<(), StateError> {
+    let mut before = None;
+    for _ in 0..from.count(TILE_BYTES)? {
+        let key = TileKey { row: from.i32()?, column: from.i32()? };
+        let in_reach = key.first_cell().is_some();
+        from.require(in_reach && before.is_none_or(|before| before < key), format!("{key:?}"), "tiles in the order of their place")?;
+        before = Some(key);
+        layer.restore_tile(key, &from.tile(l_max)?);
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! The robot's way, for pictures.
+
+use messages::{MAX_WAY_POINTS, Pose, WayChunk};
+
+/// Shortest move that is kept at first, m.
+const FIRST_STEP_M: f64 = 0.01;
+/// Most places kept: when there are more, every second goes and the step doubles, so that a long drive takes no more memory.
+pub(crate) const MAX_PLACES: usize = 16_384;
+
+/// Where the robot has been, decimated.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Way {
+    pub(crate) step_m: f64,
+    pub(crate) length_m: f64,
+    pub(crate) places_m: Vec<[f32; 2]>,
+    /// Places that have been handed out in chunks.
+    sent: usize,
+}
+
+impl Default for Way {
+    fn default() -> Self {
+        Self::restored(FIRST_STEP_M, 0.0, Vec::new())
+    }
+}
+
+impl Way {
+    /// A way kept elsewhere; nothing of it has been handed out.
+    pub(crate) fn restored(step_m: f64, length_m: f64, places_m: Vec<[f32; 2]>) -> Self {
+        Self { step_m, length_m, places_m, sent: 0 }
+    }
+
+    /// The robot is at `pose` in the map frame.
+    pub(crate) fn visit(&mut self, pose: &Pose) {
+        if let Some(&[x, y]) = self.places_m.last() {
+            let moved = (pose.x_m - f64::from(x)).hypot(pose.y_m - f64::from(y));
+            if moved < self.step_m {
+                return;
+            }
+            self.length_m += moved;
+        }
+        self.places_m.push([pose.x_m as f32, pose.y_m as f32]);
+        if self.places_m.len() > MAX_PLACES {
+            self.places_m = self.places_m.iter().step_by(2).copied().collect();
+            self.step_m *= 2.0;
+            self.sent = 0;
+        }
+    }
+
+    /// The next piece that has not been handed out.
+    pub(crate) fn next_chunk(&mut self) -> Option<WayChunk> {
+        let rest = &self.places_m[self.sent..];
+        let count = rest.len().min(MAX_WAY_POINTS);
+        if count == 0 {
+            return None;
+        }
+        let mut chunk = WayChunk { first: self.sent as u64, total: self.places_m.len() as u64, count: count as u32, ..WayChunk::default() };
+        chunk.points_m[..count].copy_from_slice(&rest[..count]);
+        self.sent += count;
+        Some(chunk)
+    }
+
+    /// Everything is to be handed out again.
+    pub(crate) fn send_again(&mut self) {
+        self.sent = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn along_x(x_m: f64) -> Pose {
+        Pose { x_m, ..Pose::default() }
+    }
+
+    #[test]
+    fn small_moves_are_left_out() {
+        let mut way = Way::default();
+        [0.0, 0.004, 0.009, 0.012, 0.021, 0.023].iter().for_each(|&x| way.visit(&along_x(x)));
+        assert_eq!(way.places_m, [[0.0, 0.0], [0.012, 0.0], [0.023, 0.0]]);
+        assert!((way.length_m - 0.023).abs() < 1e-6);
+    }
+
+    #[test]
+    fn chunks_hold_every_place_once() {
+        let mut way = Way::default();
+        (0..600).for_each(|i| way.visit(&along_x(f64::from(i))));
+        let mut told = Vec::new();
+        while let Some(chunk) = way.next_chunk() {
+            assert_eq!((chunk.first, chunk.total), (told.len() as u64, 600));
+            told.extend_from_slice(&chunk.points_m[..chunk.count as usize]);
+        }
+        assert_eq!(told, way.places_m);
+        way.visit(&along_x(600.0));
+        assert_eq!(way.next_chunk().unwrap().first, 600);
+        way.send_again();
+        assert_eq!(way.next_chunk().unwrap().first, 0);
+    }
+
+    #[test]
+    fn a_long_way_takes_no_more_memory() {
+        let mut way = Way::default();
+        (0..100_000).for_each(|i| way.visit(&along_x(f64::from(i) * 0.02)));
+        assert!(way.places_m.len() <= MAX_PLACES);
+        assert_eq!(way.places_m[0], [0.0, 0.0]);
+        assert!((way.length_m - 2000.0).abs() < 1.0);
+    }
+}

@@ -1,0 +1,305 @@
+//! The map as a fold: what it depends on, and what it does not.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use messages::{FilterVerdict, Layer, MapTile, Pose, SonarReading, SonarScan};
+use proptest::prelude::*;
+use settings::{Mapping, Pace};
+use stillmap_mapping::{Input, Mapper, Parameters, Refused};
+
+const SECOND_NS: u64 = 1_000_000_000;
+
+fn mapper(pace: Pace, settings: Mapping) -> Mapper {
+    Mapper::new(Parameters::new(&settings, pace).unwrap())
+}
+
+fn both_layers() -> Parameters {
+    Parameters::new(&Mapping { expect_verdicts: true, keep_unfiltered: true, ..Mapping::default() }, Pace::Lockstep).unwrap()
+}
+
+fn lockstep_with_verdicts() -> Mapper {
+    Mapper::new(both_layers())
+}
+
+fn verdict(withheld: u32) -> FilterVerdict {
+    FilterVerdict { withheld, ..FilterVerdict::default() }
+}
+
+fn echo_ahead(range_m: f64) -> SonarScan {
+    let reading = SonarReading { range_m, echo: 1, ..SonarReading::default() };
+    SonarScan::new(Pose::default(), &[reading], false)
+}
+
+/// The layers as they are shown now.
+fn shown(mapper: &mut Mapper) -> Vec<MapTile> {
+    mapper.refresh();
+    let filtered: Vec<MapTile> = mapper.shown_tiles(Layer::Filtered).collect();
+    filtered.into_iter().chain(mapper.shown_tiles(Layer::Unfiltered)).filter(|tile| tile.log_odds.iter().any(|&cell| cell != 0.0)).collect()
+}
+
+fn cells(tiles: Vec<MapTile>) -> Vec<(u32, i32, i32, Vec<u32>)> {
+    tiles.into_iter().map(|t| (t.layer, t.row, t.column, t.log_odds.iter().map(|cell| cell.to_bits()).collect())).collect()
+}
+
+fn log_odds_at(mapper: &mut Mapper, layer: Layer, x_m: f64, y_m: f64) -> f32 {
+    mapper.refresh();
+    let (column, row) = ((x_m / 0.05).floor() as i32, (y_m / 0.05).floor() as i32);
+    let tile = mapper.shown_tiles(layer).find(|tile| (tile.row, tile.column) == (row >> 5, column >> 5));
+    tile.map_or(0.0, |tile| tile.log_odds[((row & 31) * 32 + (column & 31)) as usize])
+}
+
+#[test]
+fn a_reading_is_shown_at_once_and_committed_past_the_horizon() {
+    let mut mapper = mapper(Pace::Live, Mapping::default());
+    mapper.step(Input::Scan { seq: 1, stamp_ns: SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    assert!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01) > 0.5);
+    assert_eq!((mapper.pending_scans(), mapper.counts().readings), (1, 0));
+    mapper.step(Input::Scan { seq: 2, stamp_ns: 4 * SECOND_NS - 1, scan: &echo_ahead(1.0) }).unwrap();
+    assert_eq!(mapper.counts().readings, 0);
+    mapper.step(Input::Scan { seq: 3, stamp_ns: 4 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    assert_eq!((mapper.pending_scans(), mapper.counts().readings), (2, 1));
+    mapper.step(Input::End).unwrap();
+    assert_eq!((mapper.counts().readings, mapper.counts().undecided), (3, 0));
+}
+
+#[test]
+fn a_withheld_reading_leaves_its_free_part_alone() {
+    let mut mapper = lockstep_with_verdicts();
+    mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
+    assert!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01) > 0.5);
+    mapper.step(Input::Verdict { seq: 1, verdict: &verdict(1) }).unwrap();
+    assert_eq!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01), 0.0);
+    assert!(log_odds_at(&mut mapper, Layer::Filtered, 0.5, 0.01) < -0.4);
+    assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
+    assert_eq!((mapper.counts().readings, mapper.counts().withheld), (1, 1));
+}
+
+#[test]
+fn at_sensor_pace_a_missing_verdict_means_keep_and_is_counted() {
+    let mut mapper = mapper(Pace::Live, Mapping { expect_verdicts: true, ..Mapping::default() });
+    mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
+    mapper.step(Input::Scan { seq: 2, stamp_ns: 3 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    assert_eq!(mapper.counts().undecided, 0);
+    mapper.step(Input::Scan { seq: 3, stamp_ns: 4 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    assert_eq!((mapper.counts().readings, mapper.counts().undecided), (1, 1));
+    let late = mapper.step(Input::Verdict { seq: 1, verdict: &verdict(1) });
+    assert_eq!(late, Err(Refused::LateVerdict { seq: 1, decided: 1 }));
+    assert!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01) > 0.5);
+}
+
+#[test]
+fn in_lockstep_a_verdict_is_waited_for() {
+    let mut mapper = lockstep_with_verdicts();
+    mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
+    mapper.step(Input::Scan { seq: 2, stamp_ns: 3600 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    mapper.step(Input::Verdict { seq: 2, verdict: &verdict(0) }).unwrap();
+    assert_eq!((mapper.counts().scans, mapper.decided_up_to()), (0, 0));
+    mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
+    assert_eq!((mapper.counts().scans, mapper.decided_up_to()), (2, 2));
+}
+
+#[test]
+fn what_cannot_be_taken_is_refused_and_changes_nothing() {
+    let mut mapper = lockstep_with_verdicts();
+    mapper.step(Input::Scan { seq: 5, stamp_ns: 100, scan: &echo_ahead(1.0) }).unwrap();
+    mapper.step(Input::Verdict { seq: 9, verdict: &verdict(0) }).unwrap();
+    let before = mapper.save();
+    let refused = |mapper: &mut Mapper, input: Input<'_>| mapper.step(input).unwrap_err();
+    let scan = &echo_ahead(1.0);
+    assert_eq!(refused(&mut mapper, Input::Scan { seq: 5, stamp_ns: 200, scan }), Refused::RepeatedScan { seq: 5, last: 5 });
+    let back = Refused::BackInTime { seq: 6, stamp_ns: 99, last_ns: 100 };
+    assert_eq!(refused(&mut mapper, Input::Scan { seq: 6, stamp_ns: 99, scan }), back);
+    let invalid = refused(&mut mapper, Input::Scan { seq: 6, stamp_ns: 100, scan: &echo_ahead(f64::NAN) });
+    assert_eq!(invalid.to_string(), "message 6: readings.range_m is NaN, expected 0 to 100 m");
+    assert_eq!(refused(&mut mapper, Input::Verdict { seq: 4, verdict: &verdict(0) }), Refused::LateVerdict { seq: 4, decided: 4 });
+    assert_eq!(refused(&mut mapper, Input::Verdict { seq: 9, verdict: &verdict(0) }), Refused::RepeatedVerdict { seq: 9 });
+    assert_eq!(mapper.save(), before);
+    let mut unexpecting = self::mapper(Pace::Lockstep, Mapping::default());
+    assert_eq!(refused(&mut unexpecting, Input::Verdict { seq: 1, verdict: &verdict(0) }), Refused::UnexpectedVerdict { seq: 1 });
+}
+
+/// A robot drives 6 m along a wall at y = 0.8 m, a sonar looking straight at it.
+#[test]
+fn a_straight_wall_is_a_straight_dark_line() {
+    let mut mapper = mapper(Pace::Lockstep, Mapping::default());
+    for step in 0..120_u64 {
+        let pose = Pose { x_m: 0.05 * step as f64, ..Pose::default() };
+        let mount = Pose { y_m: 0.1, yaw_rad: FRAC_PI_2, ..Pose::default() };
+        let reading = SonarReading { mount, range_m: 0.72, sonar: 0, echo: 1 };
+        mapper
+            .step(Input::Scan { seq: step + 1, stamp_ns: step * SECOND_NS / 10, scan: &SonarScan::new(pose, &[reading], false) })
+            .unwrap();
+    }
+    mapper.step(Input::End).unwrap();
+    for column in 4..116 {
+        let x_m = 0.05 * f64::from(column) + 0.01;
+        let at = |mapper: &mut Mapper, y_m| log_odds_at(mapper, Layer::Filtered, x_m, y_m);
+        assert!(at(&mut mapper, 0.82) > 1.5, "no wall at x = {x_m} m");
+        assert!(at(&mut mapper, 0.62) < -0.5, "not free before the wall at x = {x_m} m");
+        assert!(at(&mut mapper, 0.92) == 0.0, "known behind the wall at x = {x_m} m");
+    }
+    assert!((mapper.summary().way_m - 5.95).abs() < 1e-3);
+}
+
+#[test]
+fn what_is_sent_makes_the_whole_map() {
+    let mut mapper = mapper(Pace::Lockstep, Mapping::default());
+    let mut held: BTreeMap<(i32, i32), MapTile> = BTreeMap::new();
+    let receive = |mapper: &mut Mapper, held: &mut BTreeMap<(i32, i32), MapTile>| {
+        let mut message = MapTile::default();
+        for key in mapper.take_unsent(Layer::Filtered, 3) {
+            mapper.write_tile(Layer::Filtered, key, &mut message);
+            held.insert((key.row, key.column), message);
+        }
+    };
+    for step in 0..200_u64 {
+        let pose = Pose { x_m: 0.1 * step as f64, y_m: 0.0, yaw_rad: step as f64 };
+        let reading = SonarReading { range_m: 0.3 + (step % 20) as f64 * 0.1, echo: 1, ..SonarReading::default() };
+        mapper.step(Input::Scan { seq: step + 1, stamp_ns: step * SECOND_NS / 5, scan: &SonarScan::new(pose, &[reading], false) }).unwrap();
+        mapper.refresh();
+        receive(&mut mapper, &mut held);
+    }
+    (0..100).for_each(|_| receive(&mut mapper, &mut held));
+    let tiles = |tiles: &mut dyn Iterator<Item = MapTile>| cells(tiles.collect());
+    let whole = tiles(&mut mapper.shown_tiles(Layer::Filtered));
+    assert_eq!(tiles(&mut held.values().copied()), whole);
+    assert_eq!(held.values().last().unwrap().tiles_in_layer as usize, whole.len());
+    held.clear();
+    mapper.send_again();
+    (0..100).for_each(|_| receive(&mut mapper, &mut held));
+    assert_eq!(tiles(&mut held.values().copied()), whole);
+}
+
+/// A drive of a few scans, with the verdict on each.
+fn drive() -> impl Strategy<Value = Vec<(SonarScan, u32)>> {
+    let reading = (0.0..TAU, 0.2..3.0f64, prop::bool::weighted(0.8)).prop_map(|(yaw_rad, range_m, echo)| SonarReading {
+        mount: Pose { yaw_rad, ..Pose::default() },
+        range_m,
+        sonar: 0,
+        echo: u32::from(echo),
+    });
+    let pose = (-1.0..1.0f64, -1.0..1.0f64, 0.0..TAU).prop_map(|(x_m, y_m, yaw_rad)| Pose { x_m, y_m, yaw_rad });
+    let scan = (pose, prop::collection::vec(reading, 0..4)).prop_map(|(pose, readings)| SonarScan::new(pose, &readings, false));
+    prop::collection::vec((scan, prop_oneof![Just(0u32), 0..8u32]), 1..24)
+}
+
+/// Whether each input comes as a scan (with its own place in the order) or as a verdict, in some order that keeps that of the scans.
+fn arrivals(drive: &[(SonarScan, u32)], keys: &[u32]) -> Vec<(bool, usize)> {
+    let mut verdicts: Vec<(u32, bool, usize)> =
+        (0..drive.len()).map(|i| (keys[i % keys.len()].wrapping_mul(i as u32 + 1) % 40, true, i)).collect();
+    verdicts.extend((0..drive.len()).map(|i| (i as u32, false, i)));
+    verdicts.sort_unstable();
+    verdicts.into_iter().map(|(_, is_verdict, index)| (is_verdict, index)).collect()
+}
+
+fn feed(mapper: &mut Mapper, drive: &[(SonarScan, u32)], (is_verdict, index): (bool, usize)) {
+    let seq = index as u64 + 1;
+    let (scan, withheld) = &drive[index];
+    let taken = match is_verdict {
+        true => mapper.step(Input::Verdict { seq, verdict: &verdict(*withheld) }),
+        false => mapper.step(Input::Scan { seq, stamp_ns: seq * SECOND_NS / 10, scan }),
+    };
+    taken.unwrap();
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn when_a_verdict_comes_does_not_matter(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24)) {
+        let finish = |order: Vec<(bool, usize)>| {
+            let mut mapper = lockstep_with_verdicts();
+            order.into_iter().for_each(|arrival| feed(&mut mapper, &drive, arrival));
+            (mapper.summary(), cells(shown(&mut mapper)), mapper.save())
+        };
+        let in_turn = (0..drive.len()).flat_map(|i| [(false, i), (true, i)]).collect();
+        prop_assert!(finish(arrivals(&drive, &keys)) == finish(in_turn));
+    }
+
+    #[test]
+    fn what_is_shown_is_what_would_be_committed_now(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24), looks in any::<u64>()) {
+        let mut mapper = lockstep_with_verdicts();
+        for (count, arrival) in arrivals(&drive, &keys).into_iter().enumerate() {
+            feed(&mut mapper, &drive, arrival);
+            if looks & (1 << (count % 64)) != 0 {
+                let mut ended = mapper.clone();
+                ended.step(Input::End).unwrap();
+                let mut afresh = Mapper::restore(both_layers(), &ended.save()).unwrap();
+                prop_assert!(cells(shown(&mut mapper)) == cells(shown(&mut afresh)), "after {count} arrivals");
+            }
+        }
+    }
+
+    #[test]
+    fn restored_anywhere_it_goes_on_to_the_same_map(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24), cut in any::<prop::sample::Index>()) {
+        let arrivals = arrivals(&drive, &keys);
+        let cut = cut.index(arrivals.len());
+        let mut whole = lockstep_with_verdicts();
+        arrivals[..cut].iter().for_each(|&arrival| feed(&mut whole, &drive, arrival));
+        let mut restored = Mapper::restore(both_layers(), &whole.save()).unwrap();
+        for mapper in [&mut whole, &mut restored] {
+            arrivals[cut..].iter().for_each(|&arrival| feed(mapper, &drive, arrival));
+            mapper.step(Input::End).unwrap();
+        }
+        prop_assert_eq!(whole.summary(), restored.summary());
+        prop_assert!(whole.save() == restored.save());
+        prop_assert!(cells(shown(&mut whole)) == cells(shown(&mut restored)));
+    }
+}
+
+/// A state with something in every field.
+fn some_state() -> (Parameters, Vec<u8>) {
+    let parameters = both_layers();
+    let mut mapper = Mapper::new(parameters.clone());
+    for seq in 1..4 {
+        let scan = SonarScan { pose: Pose { x_m: 0.1 * seq as f64, ..Pose::default() }, ..echo_ahead(0.4) };
+        mapper.step(Input::Scan { seq, stamp_ns: seq, scan: &scan }).unwrap();
+    }
+    mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
+    mapper.step(Input::Verdict { seq: 3, verdict: &verdict(1) }).unwrap();
+    mapper.step(Input::Verdict { seq: 9, verdict: &verdict(1) }).unwrap();
+    let bytes = mapper.save();
+    (parameters, bytes)
+}
+
+#[test]
+fn a_state_that_is_cut_short_or_goes_on_is_refused() {
+    let (parameters, bytes) = some_state();
+    assert!(Mapper::restore(parameters.clone(), &bytes).is_ok());
+    for length in 0..bytes.len() {
+        let error = Mapper::restore(parameters.clone(), &bytes[..length]).unwrap_err();
+        assert!(error.offset <= length, "{error}");
+    }
+    let error = Mapper::restore(parameters, &[bytes.as_slice(), &[0]].concat()).unwrap_err();
+    assert_eq!(error.to_string(), format!("at byte {}: 1 more bytes, expected the end", bytes.len()));
+}
+
+#[test]
+fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
+    let (parameters, bytes) = some_state();
+    for byte in 0..bytes.len() {
+        for bit in [0, 3, 7] {
+            let mut flipped = bytes.clone();
+            flipped[byte] ^= 1 << bit;
+            if let Ok(mut mapper) = Mapper::restore(parameters.clone(), &flipped) {
+                assert_eq!(mapper.save(), flipped);
+                if byte % 16 == 0 {
+                    mapper.refresh();
+                    mapper.step(Input::End).unwrap();
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_state_of_other_settings_is_refused() {
+    let (_, bytes) = some_state();
+    let error = |settings: Mapping| Mapper::restore(Parameters::new(&settings, Pace::Lockstep).unwrap(), &bytes).unwrap_err().to_string();
+    let coarser = Mapping { cell_m: settings::CellSize::try_from(0.1).unwrap(), ..Mapping::default() };
+    assert_eq!(error(coarser), "at byte 16: 0.05, expected the edge of a cell that is set");
+    assert_eq!(error(Mapping::default()), "at byte 24: 1, expected an unfiltered layer as it is set");
+}
