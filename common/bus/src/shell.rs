@@ -170,6 +170,15 @@ impl Shell {
         Checkpoint::new(self.membership.directory(), self.membership.process(), self.membership.run)
     }
 
+    /// Waits until a message comes on an input, or for `patience`; for programs that keep their own loop. [`Shell::run`] also
+    /// sends the heartbeat that a supervisor expects.
+    ///
+    /// # Errors
+    /// When the system refuses to wait.
+    pub fn wait_for_inputs(&self, patience: Duration) -> Result<(), RunError> {
+        self.wait(&[], patience)
+    }
+
     /// Runs the process until it has finished.
     ///
     /// # Errors
