@@ -87,7 +87,8 @@ struct Supervisor<'a> {
     started: Instant,
     stop_requests: UnixStream,
     domain: Domain,
-    ports: Ports,
+    /// Closed only while the domain is made anew.
+    ports: Option<Ports>,
     settings_path: PathBuf,
     clock: DeploymentClock,
     guard: Option<Guard>,
@@ -124,7 +125,7 @@ impl<'a> Supervisor<'a> {
         let mut domain = Domain::open(settings.name.as_str(), options.speed)?;
         let settings_path = domain.directory().join("settings.toml");
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
-        let ports = Ports::open(&mut domain, clock)?;
+        let ports = Some(Ports::open(&mut domain, clock)?);
         let count = settings.process.len();
         let mut supervisor = Self {
             settings,
@@ -222,15 +223,17 @@ impl<'a> Supervisor<'a> {
                 self.rebuild_domain()?;
                 events.push_back(Event::Rebuilt);
             }
-            Action::Tell(notice) => self.ports.log.tell(&notice, &self.deployment)?,
+            Action::Tell(notice) => self.ports.as_mut().map_or(Ok(()), |ports| ports.log.tell(&notice, &self.deployment))?,
         }
         Ok(())
     }
 
     fn rebuild_domain(&mut self) -> Result<(), RunError> {
         let text = self.settings.to_toml()?;
+        // What is dropped later would remove what is made now.
+        self.ports = None;
         self.domain.rebuild()?;
-        self.ports = Ports::open(&mut self.domain, self.clock)?;
+        self.ports = Some(Ports::open(&mut self.domain, self.clock)?);
         self.prepare_domain(&text)
     }
 
@@ -287,7 +290,7 @@ impl<'a> Supervisor<'a> {
 
     fn take_heartbeats(&mut self) -> Result<bool, RunError> {
         let mut changed = false;
-        while let Some(received) = self.ports.heartbeats.take()? {
+        while let Some(received) = self.ports.as_mut().map_or(Ok(None), |ports| ports.heartbeats.take())? {
             let Received::Message(heartbeat) = received else { continue };
             let name = heartbeat.process.as_str();
             let Some(process) = self.settings.process.iter().position(|it| it.name.as_str() == name) else { continue };
@@ -306,7 +309,7 @@ impl<'a> Supervisor<'a> {
     }
 
     fn take_summary(&mut self, on_report: &mut dyn FnMut(Report<'_>)) -> Result<(), RunError> {
-        while let Some(received) = self.ports.summaries.take()? {
+        while let Some(received) = self.ports.as_mut().map_or(Ok(None), |ports| ports.summaries.take())? {
             if let Received::Message(summary) = received {
                 on_report(Report::Map(&summary));
                 self.map = Some(*summary);
@@ -324,8 +327,8 @@ impl<'a> Supervisor<'a> {
             child.read_output(|line| lines.push(line.to_owned()));
             let exit = child.bury(|line| lines.push(line.to_owned()));
             let exit = exit.map_err(|source| RunError::System { what: "waiting for a child", source })?;
-            for line in lines {
-                self.ports.log.pass_on(name, &line)?;
+            if let Some(ports) = &mut self.ports {
+                lines.iter().try_for_each(|line| ports.log.pass_on(name, line))?;
             }
             if let Some(exit) = exit {
                 self.children[process] = None;
@@ -353,7 +356,9 @@ impl<'a> Supervisor<'a> {
         if due || changed || self.statuses == 0 {
             let status = self.status(now);
             self.statuses += 1;
-            self.ports.statuses.send(self.statuses, self.clock.now_ns(), &status)?;
+            if let Some(ports) = &mut self.ports {
+                ports.statuses.send(self.statuses, self.clock.now_ns(), &status)?;
+            }
             on_report(Report::Status(&status));
         }
         Ok(())

@@ -1,0 +1,263 @@
+//! The supervisor with real children, each of which does one wrong thing. This program is the children, too.
+//!
+//! It has no test harness, since children die with the thread that starts them, and harness threads end.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "tests fail by panicking and say what they do")]
+
+use bus::{Context, Membership, Next, Process, Shell, StepError};
+use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
+use settings::Settings;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+use stillmap_supervisor::{Ending, Options, Outcome, Report, guard, run};
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match words[..] {
+        ["child", behaviour] => child(behaviour),
+        ["guard", directory] => {
+            guard(Path::new(directory)).unwrap();
+            ExitCode::SUCCESS
+        }
+        ["supervise", text] => {
+            run(&Settings::parse("test", text).unwrap(), &options(), &mut |_| {}).unwrap();
+            ExitCode::SUCCESS
+        }
+        // A filter or an option of the usual harness: there is nothing to choose.
+        _ => all_tests(),
+    }
+}
+
+const TESTS: &[(&str, fn())] = &[
+    ("a_run_ends_when_its_source_does", a_run_ends_when_its_source_does),
+    ("killed_processes_come_back", killed_processes_come_back),
+    ("a_hung_process_is_killed", a_hung_process_is_killed),
+    ("a_process_that_keeps_dying_fails", a_process_that_keeps_dying_fails),
+    ("bad_input_ends_the_run_at_once", bad_input_ends_the_run_at_once),
+    ("a_broken_domain_is_made_anew", a_broken_domain_is_made_anew),
+    ("a_child_that_ignores_sigterm_is_killed", a_child_that_ignores_sigterm_is_killed),
+    ("a_program_that_is_not_there_fails", a_program_that_is_not_there_fails),
+    ("a_flood_of_words_stops_nobody", a_flood_of_words_stops_nobody),
+    ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
+];
+
+fn all_tests() -> ExitCode {
+    let runtime = std::env::temp_dir().join(format!("stillmap-supervisor-test-{}", std::process::id()));
+    std::fs::create_dir_all(&runtime).unwrap();
+    // SAFETY: no other thread runs yet.
+    #[expect(unsafe_code, reason = "children inherit where domains live")]
+    unsafe {
+        std::env::set_var("STILLMAP_RUNTIME_DIR", &runtime);
+    }
+    for (name, test) in TESTS {
+        print!("test {name} ... ");
+        test();
+        assert_eq!(left_in(&runtime), Vec::<PathBuf>::new(), "something is left behind");
+        println!("ok");
+    }
+    std::fs::remove_dir_all(&runtime).unwrap();
+    ExitCode::SUCCESS
+}
+
+fn left_in(folder: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
+}
+
+fn options() -> Options {
+    Options { speed: 1.0, executable: std::env::current_exe().unwrap() }
+}
+
+/// A deployment of children, in start order, of which the last ends the run.
+fn settings(behaviours: &[&str]) -> String {
+    let executable = std::env::current_exe().unwrap();
+    let mut text = "name = \"test\"\n[supervisor]\nheartbeat_timeout_s = 1.0\nstop_deadline_s = 1.0\nrestarts = 3\n".to_owned();
+    for (index, behaviour) in behaviours.iter().enumerate() {
+        let ends_run = index + 1 == behaviours.len();
+        text += &format!(
+            "[[process]]\nname = \"{behaviour}\"\ncommand = [{executable:?}, \"child\", \"{behaviour}\"]\nends_run = {ends_run}\n"
+        );
+    }
+    text
+}
+
+fn supervise(behaviours: &[&str]) -> (Outcome, Vec<DeploymentStatus>) {
+    supervise_text(&settings(behaviours))
+}
+
+fn supervise_text(text: &str) -> (Outcome, Vec<DeploymentStatus>) {
+    let mut statuses = Vec::new();
+    let outcome = run(&Settings::parse("test", text).unwrap(), &options(), &mut |report| {
+        if let Report::Status(status) = report {
+            statuses.push(*status);
+        }
+    });
+    (outcome.unwrap(), statuses)
+}
+
+fn restarts(outcome: &Outcome, name: &str) -> u32 {
+    outcome.processes.iter().find(|it| it.name == name).unwrap().restarts
+}
+
+fn a_run_ends_when_its_source_does() {
+    let (outcome, statuses) = supervise(&["waits", "counts"]);
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 0));
+    assert_eq!(outcome.map.unwrap().scans, 20);
+    assert!(outcome.failures().next().is_none());
+    let last = statuses.last().unwrap();
+    let states: Vec<u32> = last.processes.iter().take(2).map(|it| it.state).collect();
+    assert_eq!(states, [ProcessState::Finished as u32; 2]);
+    let running = statuses.iter().find(|status| status.processes[..2].iter().all(|it| it.state == ProcessState::Running as u32)).unwrap();
+    assert!(running.processes[..2].iter().all(|it| it.pid != 0));
+    assert_eq!(running.processes[2].process.as_str(), "supervisor");
+}
+
+fn killed_processes_come_back() {
+    let (outcome, _) = supervise(&["dies-once", "counts"]);
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "dies-once"), restarts(&outcome, "counts")), (0, 1, 0));
+}
+
+fn a_hung_process_is_killed() {
+    let (outcome, statuses) = supervise(&["hangs-once", "counts-slowly"]);
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "hangs-once")), (0, 1));
+    let noted = statuses.iter().any(|it| it.processes[0].note.as_str().starts_with("gave no sign of life for"));
+    assert!(noted, "the status says why");
+}
+
+fn a_process_that_keeps_dying_fails() {
+    let (outcome, _) = supervise(&["dies", "counts-slowly"]);
+    assert_eq!((outcome.ending, outcome.exit_code(), restarts(&outcome, "dies")), (Ending::Complete, 3, 3));
+    let failures: Vec<_> = outcome.failures().collect();
+    assert_eq!(failures, [("dies", "ended with exit code 7; 3 restarts in 30 s were not enough")]);
+}
+
+fn bad_input_ends_the_run_at_once() {
+    let (outcome, _) = supervise(&["waits", "refuses"]);
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::BadInput { process: 1 }, 2));
+    assert_eq!(restarts(&outcome, "refuses"), 0);
+}
+
+fn a_broken_domain_is_made_anew() {
+    let (outcome, _) = supervise(&["waits", "finds-broken-once"]);
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 0));
+    assert_eq!((restarts(&outcome, "waits"), restarts(&outcome, "finds-broken-once")), (1, 1));
+}
+
+fn a_child_that_ignores_sigterm_is_killed() {
+    let (outcome, _) = supervise(&["ignores-sigterm", "counts"]);
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 3));
+    assert_eq!(outcome.failures().collect::<Vec<_>>(), [("ignores-sigterm", "had to be killed when the run ended")]);
+}
+
+fn a_program_that_is_not_there_fails() {
+    let text = settings(&["counts"]) + "[[process]]\nname = \"nothing\"\ncommand = [\"/nowhere/at/all\"]\n";
+    let (outcome, _) = supervise_text(&text.replace("restarts = 3", "restarts = 0"));
+    let (name, cause) = outcome.failures().next().unwrap();
+    assert_eq!(name, "nothing");
+    assert!(cause.starts_with("could not be started: "), "{cause}");
+}
+
+fn a_flood_of_words_stops_nobody() {
+    let (outcome, _) = supervise(&["floods", "counts"]);
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "floods"), restarts(&outcome, "counts")), (0, 0, 0));
+}
+
+fn nothing_outlives_a_killed_supervisor() {
+    let runtime = PathBuf::from(std::env::var_os("STILLMAP_RUNTIME_DIR").unwrap());
+    let mut supervisor =
+        std::process::Command::new(std::env::current_exe().unwrap()).args(["supervise", &settings(&["waits", "runs"])]).spawn().unwrap();
+    let up = runtime.join("test").join("runs-is-up");
+    wait_until(|| up.exists());
+    let child: i32 = std::fs::read_to_string(&up).unwrap().parse().unwrap();
+    supervisor.kill().unwrap();
+    supervisor.wait().unwrap();
+    wait_until(|| !Path::new(&format!("/proc/{child}")).exists());
+    wait_until(|| left_in(&runtime).is_empty());
+}
+
+/// Polls; a watchdog outside ends a test that waits for ever.
+fn wait_until(condition: impl Fn() -> bool) {
+    while !condition() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn child(behaviour: &str) -> ExitCode {
+    let membership = Membership::from_env().unwrap();
+    let first = membership.incarnation() == 0;
+    let directory = membership.directory().to_owned();
+    if behaviour == "refuses" {
+        eprint_line("settings.toml:3: refused");
+        return ExitCode::from(2);
+    }
+    let mut shell = Shell::join(membership).unwrap();
+    let work = match behaviour {
+        "counts" => Work::Counts { rounds: 20, every: Duration::from_millis(10) },
+        "counts-slowly" => Work::Counts { rounds: 300, every: Duration::from_millis(10) },
+        "dies" => Work::Exits(7),
+        "dies-once" if first => Work::Kills,
+        "hangs-once" if first => Work::Hangs,
+        "finds-broken-once" if first => Work::Exits(bus::EXIT_BROKEN_DOMAIN),
+        "finds-broken-once" => Work::Counts { rounds: 1, every: Duration::ZERO },
+        "ignores-sigterm" => Work::Ignores,
+        "floods" => Work::Floods,
+        "runs" => {
+            std::fs::write(directory.join("runs-is-up.part"), std::process::id().to_string()).unwrap();
+            std::fs::rename(directory.join("runs-is-up.part"), directory.join("runs-is-up")).unwrap();
+            Work::Waits
+        }
+        _ => Work::Waits,
+    };
+    let mut process = Child { work, scans: shell.writer().unwrap(), summaries: shell.writer().unwrap(), seq: 0 };
+    shell.run(&mut process).unwrap();
+    ExitCode::SUCCESS
+}
+
+fn eprint_line(text: &str) {
+    use std::io::Write;
+    writeln!(std::io::stderr(), "{text}").unwrap();
+}
+
+enum Work {
+    Waits,
+    Counts { rounds: u64, every: Duration },
+    Exits(u8),
+    Kills,
+    Hangs,
+    Ignores,
+    Floods,
+}
+
+struct Child {
+    work: Work,
+    scans: bus::Writer<SonarScan>,
+    summaries: bus::Writer<MapSummary>,
+    seq: u64,
+}
+
+impl Process for Child {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        self.seq += 1;
+        context.note("at work");
+        match self.work {
+            Work::Counts { rounds, .. } if self.seq > rounds => {
+                self.scans.end(self.seq - 1, 0)?;
+                self.summaries.send(1, 0, &MapSummary { scans: rounds, ..MapSummary::default() })?;
+                return Ok(Next::Finished);
+            }
+            Work::Counts { every, .. } => {
+                self.scans.send(self.seq, 0, &SonarScan::default())?;
+                return Ok(Next::WaitAtMost(every));
+            }
+            // The first rounds are as they should be.
+            _ if self.seq < 5 => return Ok(Next::Again),
+            Work::Exits(code) => std::process::exit(i32::from(code)),
+            Work::Kills => rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)?,
+            Work::Hangs => wait_until(|| false),
+            Work::Ignores => return Ok(Next::Wait),
+            Work::Floods => eprint_line(&"x".repeat(100_000)),
+            Work::Waits => {}
+        }
+        Ok(if context.stopping() { Next::Finished } else { Next::Wait })
+    }
+}
