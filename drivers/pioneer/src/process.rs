@@ -1,0 +1,240 @@
+//! The driver as a process: a session between a serial port and the bus.
+
+use std::os::fd::BorrowedFd;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
+use messages::SonarScan;
+use settings::{Port as PortSetting, Settings};
+
+use crate::checkpoint::Checkpoint;
+use crate::command::Command;
+use crate::parameters::Parameters;
+use crate::port::Port;
+use crate::session::{Input, Output, Session};
+
+/// Name of the simulator's pseudo-terminal in the domain's folder.
+const SIMULATOR_PORT: &str = "robot";
+
+/// Most bytes taken from the line in one step: a line that never falls silent must not keep the heartbeat from beating.
+const MOST_AT_ONCE: usize = 8192;
+
+/// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
+const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+
+/// Why the driver ended that should not have. No state of port or robot is among it: those are waited for.
+#[derive(Debug, thiserror::Error)]
+pub enum PioneerError {
+    /// The bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The process failed at its work.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs the driver until it is told to stop.
+///
+/// # Errors
+/// When the bus fails.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
+    let membership = shell.membership();
+    let speed = membership.speed();
+    let path = match &settings.pioneer.port {
+        PortSetting::Simulator => membership.directory().join(SIMULATOR_PORT),
+        PortSetting::Device(path) => path.clone(),
+    };
+    let kept = load(&shell.checkpoint());
+    let mut scans = shell.writer()?;
+    if let Some(kept) = &kept {
+        scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
+    }
+    let session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, speed), kept);
+    let checkpoint = shell.checkpoint();
+    let mut process = Process { path, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, unsaved: false, speed };
+    Ok(shell.run(&mut process)?)
+}
+
+/// What an earlier process of this run kept. Damage is said and costs the continuity of the pose, no more.
+fn load(checkpoint: &bus::Checkpoint) -> Option<Checkpoint> {
+    match checkpoint.load() {
+        Ok(bytes) => bytes.as_deref().and_then(Checkpoint::from_bytes),
+        Err(error) => {
+            tracing::warn!("{error}");
+            None
+        }
+    }
+}
+
+struct Process {
+    path: PathBuf,
+    port: Option<Port>,
+    /// Why there is no port, as it was last said.
+    trouble: Option<String>,
+    session: Session,
+    /// Stamp of the last scan.
+    stamp_ns: u64,
+    scans: Writer<SonarScan>,
+    checkpoint: bus::Checkpoint,
+    /// The last checkpoint could not be saved, which has been said.
+    unsaved: bool,
+    speed: f64,
+}
+
+impl bus::Process for Process {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let more = self.read(context)?;
+        if context.stopping() {
+            self.feed(Input::Stop, context.now_ns())?;
+            self.scans.end(self.session.seq(), self.stamp_ns)?;
+            self.report(context);
+            return Ok(Next::Finished);
+        }
+        if self.port.is_none() {
+            self.open(context.now_ns())?;
+        }
+        self.feed(Input::Tick, context.now_ns())?;
+        self.report(context);
+        Ok(if more { Next::Again } else { self.wait(context.now_ns()) })
+    }
+
+    fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        self.port.iter().map(Port::descriptor).collect()
+    }
+}
+
+impl Process {
+    /// Takes what has come over the line. Returns whether there may be more.
+    fn read(&mut self, context: &Context<'_>) -> Result<bool, StepError> {
+        let mut bytes = [0; 1024];
+        for _ in 0..MOST_AT_ONCE / bytes.len() {
+            let Some(port) = &mut self.port else { return Ok(false) };
+            match port.read(&mut bytes) {
+                Ok(0) => return Ok(false),
+                Ok(count) => self.feed(Input::Bytes(&bytes[..count]), context.now_ns())?,
+                Err(error) => {
+                    self.vanish(&error.to_string(), context.now_ns())?;
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// Tries to open the port. Without one the loop comes by a few times a second.
+    fn open(&mut self, now_ns: u64) -> Result<(), StepError> {
+        match Port::open(&self.path, self.session.baud()) {
+            Ok(port) => {
+                tracing::info!("opened {} at {} baud", self.path.display(), self.session.baud());
+                self.port = Some(port);
+                self.trouble = None;
+                self.feed(Input::Opened, now_ns)
+            }
+            Err(error) => {
+                self.say_trouble(&error);
+                Ok(())
+            }
+        }
+    }
+
+    fn say_trouble(&mut self, error: &serialport::Error) {
+        let advice = match error.kind() {
+            serialport::ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => ": is this user in the group that may use it (dialout)?",
+            serialport::ErrorKind::NoDevice => ": another program has it",
+            _ => "",
+        };
+        let trouble = format!("cannot open {}: {error}{advice}", self.path.display());
+        if self.trouble.as_ref() != Some(&trouble) {
+            tracing::warn!("{trouble}; still trying");
+            self.trouble = Some(trouble);
+        }
+    }
+
+    fn vanish(&mut self, why: &str, now_ns: u64) -> Result<(), StepError> {
+        tracing::warn!("{} is gone ({why}); waiting for it", self.path.display());
+        self.port = None;
+        self.feed(Input::Vanished, now_ns)
+    }
+
+    /// Tells the session what happened and does what it wants.
+    fn feed(&mut self, input: Input<'_>, now_ns: u64) -> Result<(), StepError> {
+        let mut gone = None;
+        for output in self.session.step(input, now_ns) {
+            match output {
+                Output::Send(command) => gone = gone.or(self.send(command)),
+                Output::Baud(baud) => self.tolerate("set the baud rate of", |port| port.set_baud(baud)),
+                Output::Flush => self.tolerate("flush", |port| port.flush()),
+                Output::Reopen => self.port = None,
+                Output::Publish(kept) => self.publish(&kept)?,
+                Output::Event(event) if event.is_warning() => tracing::warn!("{event}"),
+                Output::Event(event) => tracing::info!("{event}"),
+            }
+        }
+        match gone {
+            Some(why) => self.vanish(&why, now_ns),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns why the port is gone, if it is.
+    fn send(&mut self, command: Command) -> Option<String> {
+        match self.port.as_mut()?.send(&command.packet()) {
+            Ok(true) => None,
+            Ok(false) => {
+                tracing::debug!("{command:?} is lost: the line takes no bytes");
+                None
+            }
+            Err(error) => Some(error.to_string()),
+        }
+    }
+
+    /// A device that refuses a setting may still carry bytes; if not, the time limits find out.
+    fn tolerate(&mut self, what: &str, setting: impl FnOnce(&mut Port) -> serialport::Result<()>) {
+        if let Some(Err(error)) = self.port.as_mut().map(setting) {
+            tracing::warn!("cannot {what} {}: {error}", self.path.display());
+        }
+    }
+
+    fn publish(&mut self, kept: &Checkpoint) -> Result<(), StepError> {
+        match self.checkpoint.save(kept.as_bytes()) {
+            Ok(()) => self.unsaved = false,
+            Err(error) if !self.unsaved => {
+                tracing::warn!("{error}; after a crash the pose would start anew");
+                self.unsaved = true;
+            }
+            Err(_) => {}
+        }
+        self.stamp_ns = kept.stamp_ns;
+        Ok(self.scans.send(kept.seq, kept.stamp_ns, &kept.scan)?)
+    }
+
+    fn wait(&self, now_ns: u64) -> Next {
+        self.session.due_ns().map_or(Next::Wait, |due_ns| {
+            let wall = Duration::from_nanos((due_ns.saturating_sub(now_ns) as f64 / self.speed) as u64);
+            Next::WaitAtMost(wall.max(SHORTEST_WAIT))
+        })
+    }
+
+    fn report(&self, context: &mut Context<'_>) {
+        match &self.trouble {
+            Some(trouble) => context.note(trouble),
+            None => context.note(&self.session.note(&self.path.display().to_string())),
+        }
+        let (link, refusals, rhythm) = (self.session.link(), self.session.refusals(), self.session.rhythm());
+        for (name, value) in [
+            ("packets", link.packets),
+            ("bad checksums", link.bad_checksums),
+            ("skipped bytes", link.skipped_bytes),
+            ("refused packets", refusals.packets),
+            ("refused odometry", refusals.odometry),
+            ("refused readings", refusals.readings),
+            ("repeated readings", refusals.repeated),
+            ("reconnects", self.session.reconnects()),
+            ("packet interval us", (rhythm.interval_s * 1e6) as u64),
+            ("packet jitter us", (rhythm.jitter_s * 1e6) as u64),
+        ] {
+            context.count(name, value);
+        }
+    }
+}
