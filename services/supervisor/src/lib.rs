@@ -14,6 +14,7 @@
 
 mod child;
 mod deployment;
+mod events;
 mod guard;
 mod lifecycle;
 mod lines;
@@ -21,15 +22,19 @@ mod notices;
 mod outcome;
 mod plan;
 mod policy;
+mod ports;
 mod run;
+mod running;
 mod usage;
 mod vitals;
 
 pub use child::EXIT_BAD_INPUT;
-pub use deployment::{Action, Deployment, Ending, Event, Notice};
+pub use deployment::Deployment;
+pub use events::{Action, Ending, Event, Notice};
 pub use guard::{GuardError, guard};
 pub use lifecycle::{Exit, Lifecycle, Plan, Role, State};
 pub use notices::CHILD_TARGET;
 pub use outcome::{Outcome, ProcessOutcome};
 pub use policy::{Policy, Restarts};
-pub use run::{Options, Report, RunError, run};
+pub use run::run;
+pub use running::{Options, Report, RunError};

@@ -1,6 +1,7 @@
 //! What people are told: as tracing events whose field `process` says whom they are about, and on the bus.
 
-use crate::deployment::{Deployment, Ending, Notice};
+use crate::deployment::Deployment;
+use crate::events::{Ending, Notice};
 use crate::lines::Line;
 use bus::{BusError, DeploymentClock, Writer};
 use messages::{LogLevel, LogLine, Text};

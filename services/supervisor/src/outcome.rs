@@ -1,6 +1,7 @@
 //! How a run ended, and what its exit code says.
 
-use crate::deployment::{Deployment, Ending};
+use crate::deployment::Deployment;
+use crate::events::Ending;
 use crate::lifecycle::State;
 use messages::MapSummary;
 

@@ -1,18 +1,21 @@
 //! The shell around the state machine: children, the bus, the clock, signals.
 
 use crate::child::{Child, usage};
-use crate::deployment::{Action, Deployment, Event};
+use crate::deployment::Deployment;
+use crate::events::{Action, Event};
 use crate::guard::Guard;
 use crate::lifecycle::{Exit, State};
-use crate::notices::{Log, SUPERVISOR};
+use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
 use crate::plan::{plans, policy};
+use crate::ports::Ports;
+use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{BusError, DeploymentClock, Domain, DomainError, Reader, Received, Writer};
-use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Text};
+use bus::{DeploymentClock, Domain, Received};
+use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
-use settings::{Program, Settings, SettingsError};
+use settings::{Program, Settings};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
 use std::io::{self, Read};
@@ -28,46 +31,6 @@ const LOOK: Duration = Duration::from_millis(100);
 const LOOK_AT_START: Duration = Duration::from_millis(10);
 /// How often the status is published when nothing changes, and rates are measured.
 const SAMPLE: Duration = Duration::from_secs(1);
-
-/// How to run a deployment.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Deployment seconds that pass in a second of the wall clock.
-    pub speed: f64,
-    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard`].
-    pub executable: PathBuf,
-}
-
-/// What happens while a deployment runs.
-#[derive(Debug, Clone, Copy)]
-pub enum Report<'a> {
-    /// The state of all processes; once a second and when something has changed.
-    Status(&'a DeploymentStatus),
-    /// The map is finished.
-    Map(&'a MapSummary),
-}
-
-/// A deployment that could not be run.
-#[derive(Debug, thiserror::Error)]
-pub enum RunError {
-    /// The settings cannot be handed to the processes.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// The domain is taken or cannot be made.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-    /// The supervisor's own use of the bus failed.
-    #[error(transparent)]
-    Bus(#[from] BusError),
-    /// The system refused.
-    #[error("{what}: {source}")]
-    System {
-        /// What was wanted.
-        what: &'static str,
-        /// What it says.
-        source: io::Error,
-    },
-}
 
 /// Runs a deployment to its end: until a process that ends the run has finished, or somebody asks (SIGINT, SIGTERM, SIGHUP).
 ///
@@ -101,21 +64,6 @@ struct Supervisor<'a> {
     sampled: Duration,
     statuses: u64,
     map: Option<MapSummary>,
-}
-
-/// The supervisor's own inputs and outputs.
-struct Ports {
-    heartbeats: Reader<Heartbeat>,
-    summaries: Reader<MapSummary>,
-    statuses: Writer<DeploymentStatus>,
-    log: Log,
-}
-
-impl Ports {
-    fn open(domain: &mut Domain, clock: DeploymentClock) -> Result<Self, BusError> {
-        let log = Log::new(domain.writer()?, clock);
-        Ok(Self { heartbeats: domain.reader()?, summaries: domain.reader()?, statuses: domain.writer()?, log })
-    }
 }
 
 impl<'a> Supervisor<'a> {

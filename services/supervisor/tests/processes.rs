@@ -1,7 +1,7 @@
 //! The supervisor with real children, each of which does one wrong thing. This program is the children, too.
 //!
 //! It has no test harness, since children die with the thread that starts them, and harness threads end.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "tests fail by panicking and say what they do")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, clippy::print_stderr, reason = "tests fail by panicking and say what they do")]
 
 use bus::{Context, Membership, Next, Process, Shell, StepError};
 use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
@@ -187,7 +187,7 @@ fn child(behaviour: &str) -> ExitCode {
     let first = membership.incarnation() == 0;
     let directory = membership.directory().to_owned();
     if behaviour == "refuses" {
-        eprint_line("settings.toml:3: refused");
+        eprintln!("settings.toml:3: refused");
         return ExitCode::from(2);
     }
     let mut shell = Shell::join(membership).unwrap();
@@ -211,11 +211,6 @@ fn child(behaviour: &str) -> ExitCode {
     let mut process = Child { work, scans: shell.writer().unwrap(), summaries: shell.writer().unwrap(), seq: 0 };
     shell.run(&mut process).unwrap();
     ExitCode::SUCCESS
-}
-
-fn eprint_line(text: &str) {
-    use std::io::Write;
-    writeln!(std::io::stderr(), "{text}").unwrap();
 }
 
 enum Work {
@@ -255,7 +250,7 @@ impl Process for Child {
             Work::Kills => rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)?,
             Work::Hangs => wait_until(|| false),
             Work::Ignores => return Ok(Next::Wait),
-            Work::Floods => eprint_line(&"x".repeat(100_000)),
+            Work::Floods => eprintln!("{}", "x".repeat(100_000)),
             Work::Waits => {}
         }
         Ok(if context.stopping() { Next::Finished } else { Next::Wait })

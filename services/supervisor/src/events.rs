@@ -1,0 +1,116 @@
+//! What goes into the state machine and what comes out of it.
+
+use crate::lifecycle::Exit;
+use std::time::Duration;
+
+/// What the supervisor learns.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Event {
+    /// A process gave a sign of life; `work` is the number of messages it has taken and sent.
+    Heartbeat {
+        /// Its place in the start order.
+        process: usize,
+        /// Messages taken and sent.
+        work: u64,
+    },
+    /// The child of a process is gone and has been waited for.
+    Exited {
+        /// Its place in the start order.
+        process: usize,
+        /// How.
+        exit: Exit,
+    },
+    /// The domain has been made anew.
+    Rebuilt,
+    /// Time has passed.
+    Tick,
+    /// Somebody wants the run to end: orderly at first, then less patiently with every time.
+    StopAsked,
+}
+
+/// What the supervisor does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Action {
+    /// Start a child for a process that has none.
+    Spawn {
+        /// Its place in the start order.
+        process: usize,
+        /// 0 for its first child, one more for each further.
+        incarnation: u32,
+    },
+    /// Ask the child to stop (SIGTERM).
+    Terminate(usize),
+    /// Kill the child (SIGKILL).
+    Kill(usize),
+    /// Wipe the domain and make it anew: nothing lives in it now.
+    Rebuild,
+    /// Tell people.
+    Tell(Notice),
+}
+
+/// What people want to know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Notice {
+    /// A process gave its first sign of life.
+    Up {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A child died and another follows.
+    Restarting {
+        /// Its place in the start order.
+        process: usize,
+        /// Why it died.
+        cause: String,
+        /// Until the next start.
+        after: Duration,
+    },
+    /// A child hangs and is killed.
+    Hangs {
+        /// Its place in the start order.
+        process: usize,
+        /// How it shows.
+        cause: String,
+    },
+    /// A process ended as it should.
+    Finished {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A process is down for good.
+    Failed {
+        /// Its place in the start order.
+        process: usize,
+        /// Why.
+        cause: String,
+    },
+    /// The run ends.
+    Ends(Ending),
+    /// The shared memory is broken; everything starts again.
+    Rebuilds,
+}
+
+/// Why a run ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// A process that ends the run has finished.
+    Complete,
+    /// Every process is down.
+    NothingLeft,
+    /// Somebody asked.
+    Asked,
+    /// Somebody asked until everything was killed.
+    Forced,
+    /// A process refused its input.
+    BadInput {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// A process that the run cannot do without has failed.
+    Lost {
+        /// Its place in the start order.
+        process: usize,
+    },
+    /// The shared memory broke more often than the budget allows.
+    DomainBroken,
+}

@@ -1,0 +1,47 @@
+//! What is asked of a run, what it tells, how it can fail.
+
+use bus::{BusError, DomainError};
+use messages::{DeploymentStatus, MapSummary};
+use settings::SettingsError;
+use std::io;
+use std::path::PathBuf;
+
+/// How to run a deployment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Deployment seconds that pass in a second of the wall clock.
+    pub speed: f64,
+    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard`].
+    pub executable: PathBuf,
+}
+
+/// What happens while a deployment runs.
+#[derive(Debug, Clone, Copy)]
+pub enum Report<'a> {
+    /// The state of all processes; once a second and when something has changed.
+    Status(&'a DeploymentStatus),
+    /// The map is finished.
+    Map(&'a MapSummary),
+}
+
+/// A deployment that could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The settings cannot be handed to the processes.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The domain is taken or cannot be made.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// The supervisor's own use of the bus failed.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The system refused.
+    #[error("{what}: {source}")]
+    System {
+        /// What was wanted.
+        what: &'static str,
+        /// What it says.
+        source: io::Error,
+    },
+}
