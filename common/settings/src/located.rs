@@ -5,6 +5,7 @@
 
 use core::fmt::{self, Display};
 use core::ops::Range;
+use std::borrow::Cow;
 
 use serde::de::value::{MapAccessDeserializer, StrDeserializer};
 use serde::de::{DeserializeSeed, Deserializer, Error, Expected, IntoDeserializer, MapAccess, SeqAccess, Unexpected, Visitor};
@@ -81,16 +82,19 @@ impl Refusal {
 }
 
 /// serde's words for its own types, for people.
-fn in_words(expected: &str) -> &str {
-    match expected {
+fn in_words(expected: &str) -> Cow<'_, str> {
+    if let Some(length) = expected.strip_prefix("an array of length ") {
+        return format!("a list of {length}").into();
+    }
+    let words = match expected {
         "f64" | "f32" => "a finite number",
         "i8" | "i16" | "i32" | "i64" | "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number in range",
         "a boolean" => "true or false",
         "a sequence" => "a list",
-        "an array of length 3" => "a list of 3",
         "path string" => "a path",
         other => other,
-    }
+    };
+    words.into()
 }
 
 impl Display for Refusal {

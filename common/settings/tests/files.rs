@@ -115,6 +115,32 @@ fn relative_paths_mean_the_folder_of_the_file() {
 }
 
 #[test]
+fn paths_come_out_absolute_however_the_file_is_named() {
+    // Tests run in the folder of their package.
+    let settings = Settings::read(Path::new("../../config/demo.toml")).unwrap();
+    assert!(settings.out.is_absolute(), "{}", settings.out.display());
+    assert!(settings.simulator.world.is_file(), "{}", settings.simulator.world.display());
+}
+
+#[test]
+fn a_run_ends_with_what_brings_the_world_in() {
+    let ends = |run: &str, given: &str| {
+        let other = if run == "mapping" { "pioneer" } else { "mapping" };
+        let text = format!(
+            "name = \"x\"\nprocess = [{{ name = \"a\", run = \"{run}\"{given} }}, {{ name = \"b\", run = \"{other}\" }}, {{ name = \"c\", command = [\"c\"] }}]"
+        );
+        let settings = Settings::parse("x", &text).unwrap_or_else(|error| panic!("{error}"));
+        assert!(!settings.process[2].ends_run);
+        settings.process[0].ends_run
+    };
+    for (run, by_default) in [("recorder", false), ("mapping", false), ("pioneer", false), ("simulator", true), ("playback", true)] {
+        assert_eq!(ends(run, ""), by_default, "{run}");
+        assert!(ends(run, ", ends_run = true"), "{run}");
+        assert!(!ends(run, ", ends_run = false"), "{run}");
+    }
+}
+
+#[test]
 fn files_that_are_no_text() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("x.toml");
