@@ -1,1 +1,31 @@
 //! The log of a drive: MCAP files of what was on the bus, written, read, recovered and imported.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod damage;
+mod deframer;
+mod fields;
+mod info;
+mod log;
+mod logged;
+mod mirror;
+mod part;
+mod parts;
+mod preamble;
+mod recording;
+mod records;
+mod recover;
+mod shapes;
+mod tile;
+mod views;
+mod writer;
+
+pub use damage::{Damage, Fault, LogError, WriteError};
+pub use info::{ChannelInfo, Info, info};
+pub use log::{Entry, Log, Outcome, Part};
+pub use logged::{DecodeError, Format, Logged};
+pub use mirror::Unfit;
+pub use part::{Channel, Ending, RawMessage};
+pub use parts::{following_parts, part_path};
+pub use preamble::Preamble;
+pub use recording::Recording;
+pub use recover::{Recovered, recover};

@@ -1,0 +1,82 @@
+//! What can be wrong with a log.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::logged::DecodeError;
+
+/// Bytes of a log that are not what they should be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("damaged at byte {offset}: found {found}, expected {expected}")]
+pub struct Damage {
+    /// Where in the file, from 0.
+    pub offset: u64,
+    /// What stands there.
+    pub found: String,
+    /// What should.
+    pub expected: String,
+}
+
+/// What is wrong with a file that should be a log.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// The file cannot be opened, read or written.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// Bytes that are not what they should be.
+    #[error("{0}")]
+    Damaged(#[from] Damage),
+    /// The file ends before what every log starts with.
+    #[error("cut at byte {offset}, expected the settings and the description of the run that a log starts with")]
+    CutAtStart {
+        /// Size of what can be read, bytes.
+        offset: u64,
+    },
+    /// A log of another format, or one whose description cannot be read.
+    #[error("its description says {entry} {found:?}, expected {expected}")]
+    Description {
+        /// The entry of the description.
+        entry: &'static str,
+        /// What it says; empty when it is missing.
+        found: String,
+        /// What it should say.
+        expected: &'static str,
+    },
+    /// A message that cannot be read, or whose numbers cannot be meant.
+    #[error("message {sequence} of {topic}, in the chunk at byte {offset}: {source}")]
+    Message {
+        /// Where its chunk starts in the file, from 0.
+        offset: u64,
+        /// The service.
+        topic: String,
+        /// Its number, low 32 bits.
+        sequence: u32,
+        /// What is wrong with it.
+        source: DecodeError,
+    },
+    /// The log cannot be written.
+    #[error("{0}")]
+    Write(#[from] WriteError),
+}
+
+/// What is wrong with which file.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {fault}", path.display())]
+pub struct LogError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub fault: Box<Fault>,
+}
+
+impl LogError {
+    pub(crate) fn at<F: Into<Fault>>(path: &Path) -> impl FnOnce(F) -> Self {
+        let path = path.to_owned();
+        move |fault| Self { path, fault: Box::new(fault.into()) }
+    }
+}
+
+/// A message that does not go into the log.
+#[derive(Debug, thiserror::Error)]
+#[error("the log cannot take the message: {0}")]
+pub struct WriteError(#[from] mcap::McapError);

@@ -1,0 +1,138 @@
+//! What is in a log, at a glance.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+use crate::damage::LogError;
+use crate::log::{Log, Outcome, Part, is_sequenced};
+use crate::part::Ending;
+use crate::preamble::Preamble;
+
+/// Most damages that are told one by one.
+const MAX_DAMAGES: usize = 20;
+
+/// A log at a glance.
+#[derive(Debug)]
+pub struct Info {
+    /// What it starts with.
+    pub preamble: Preamble,
+    /// Its files.
+    pub parts: Vec<Part>,
+    /// Its topics; messages that stand in two parts count once.
+    pub channels: BTreeMap<String, ChannelInfo>,
+    /// What cannot be read, at most the first 20.
+    pub damages: Vec<LogError>,
+    /// How many times something could not be read.
+    pub damage_count: u64,
+}
+
+/// A topic at a glance.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Name of its schema.
+    pub schema: String,
+    /// Number of its messages.
+    pub messages: u64,
+    /// Earliest stamp.
+    pub first_ns: u64,
+    /// Latest stamp.
+    pub last_ns: u64,
+}
+
+/// Reads a log from its start to its end.
+///
+/// # Errors
+/// When it is no log, or one of its files cannot be opened; damage further on is part of what is told.
+pub fn info(path: &Path) -> Result<Info, LogError> {
+    let mut log = Log::open(path)?;
+    let mut channels: BTreeMap<String, ChannelInfo> = BTreeMap::new();
+    let (mut damages, mut damage_count) = (Vec::new(), 0);
+    loop {
+        match log.advance() {
+            Ok(true) => {
+                let Some(message) = log.message() else { continue };
+                let stamp = message.stamp_ns;
+                match channels.get_mut(&message.channel.topic) {
+                    Some(channel) => {
+                        channel.messages += 1;
+                        channel.first_ns = channel.first_ns.min(stamp);
+                        channel.last_ns = channel.last_ns.max(stamp);
+                    }
+                    None => {
+                        let schema = message.channel.format.schema_name.clone();
+                        let channel = ChannelInfo { schema, messages: 1, first_ns: stamp, last_ns: stamp };
+                        channels.insert(message.channel.topic.clone(), channel);
+                    }
+                }
+            }
+            Ok(false) => break,
+            Err(error) => {
+                damage_count += 1;
+                if damages.len() < MAX_DAMAGES {
+                    damages.push(error);
+                }
+            }
+        }
+    }
+    Ok(Info { preamble: log.preamble().clone(), parts: log.parts().to_vec(), channels, damages, damage_count })
+}
+
+impl Info {
+    /// First and last stamp of the numbered streams, ns of sensor time; of everything when there is none.
+    #[must_use]
+    pub fn span_ns(&self) -> Option<(u64, u64)> {
+        let span = |wanted: &dyn Fn(&str) -> bool| {
+            let channels = || self.channels.iter().filter(|(topic, _)| wanted(topic)).map(|(_, channel)| channel);
+            Some((channels().map(|channel| channel.first_ns).min()?, channels().map(|channel| channel.last_ns).max()?))
+        };
+        span(&is_sequenced).or_else(|| span(&|_| true))
+    }
+
+    /// Whether every file ends as it should and everything can be read.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.damage_count == 0 && self.parts.iter().all(|part| !matches!(part.outcome, Outcome::Read(Ending::Cut { .. }) | Outcome::Empty))
+    }
+}
+
+impl fmt::Display for Info {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Preamble { run, robot, sonars, origin, .. } = &self.preamble;
+        writeln!(f, "run       {run:016x}, {origin}")?;
+        writeln!(f, "robot     {robot}, {} sonars", sonars.len())?;
+        match self.span_ns() {
+            Some((first, last)) => {
+                writeln!(f, "time      {:.3} s, from {:.3} s on", seconds(last.saturating_sub(first)), seconds(first))?;
+            }
+            None => writeln!(f, "time      no message")?,
+        }
+        for part in &self.parts {
+            writeln!(f, "file      {}: {} bytes, {}", part.path.display(), part.bytes, part.outcome)?;
+        }
+        for (topic, channel) in &self.channels {
+            writeln!(f, "topic     {topic:<24} {:>9} messages  {}", channel.messages, channel.schema)?;
+        }
+        for damage in &self.damages {
+            writeln!(f, "damage    {damage}")?;
+        }
+        let untold = self.damage_count - self.damages.len() as u64;
+        if untold > 0 { writeln!(f, "damage    {untold} more") } else { Ok(()) }
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Read(Ending::Complete) => f.write_str("complete"),
+            Self::Read(Ending::Cut { offset }) => write!(f, "cut, whole up to byte {offset}"),
+            Self::Read(Ending::Damaged(damage)) => damage.fmt(f),
+            Self::Empty => f.write_str("cut before its first message"),
+            Self::OtherRun(run) => write!(f, "left out, it is of another run ({run:016x})"),
+        }
+    }
+}
+
+fn seconds(nanoseconds: u64) -> f64 {
+    nanoseconds as f64 * 1e-9
+}

@@ -1,0 +1,208 @@
+//! One file of a log, read from its start.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::ops::Range;
+
+use crate::damage::{Damage, Fault};
+use crate::deframer::{opcode, split_record};
+use crate::fields::Fields;
+use crate::logged::Format;
+use crate::preamble::{DESCRIPTION, Preamble};
+use crate::records::{Record, RecordReader, Schema, channel, damage, named_texts, schema, settings_of, unpack};
+
+/// How a file ends.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Ending {
+    /// As it should, with its index.
+    Complete,
+    /// In the middle of something: whoever wrote it was killed, or the disk was full.
+    Cut {
+        /// Size of what can be read, bytes.
+        offset: u64,
+    },
+    /// What follows cannot be read.
+    Damaged(Damage),
+}
+
+/// A topic of the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// The topic: the name of a service, or of something that was derived for people.
+    pub topic: String,
+    /// What its messages are.
+    pub format: Format,
+}
+
+/// A message as it stands in the file.
+#[derive(Debug, Clone, Copy)]
+pub struct RawMessage<'a> {
+    /// Its channel.
+    pub channel: &'a Channel,
+    /// Low 32 bits of its sequence number.
+    pub sequence: u32,
+    /// Its stamp.
+    pub stamp_ns: u64,
+    /// The message.
+    pub data: &'a [u8],
+    /// Where the chunk that holds it starts in the file.
+    pub offset: u64,
+}
+
+/// Reads the messages of one file in the order in which they were written.
+pub(crate) struct PartReader<R> {
+    records: RecordReader<R>,
+    preamble: Preamble,
+    schemas: BTreeMap<u16, Schema>,
+    channels: BTreeMap<u16, Channel>,
+    /// The records of the current chunk.
+    chunk: Vec<u8>,
+    cursor: usize,
+    chunk_offset: u64,
+    /// The message that was last gone on to.
+    place: Option<Place>,
+}
+
+/// Where in the current chunk a message stands.
+struct Place {
+    channel: u16,
+    sequence: u32,
+    stamp_ns: u64,
+    data: Range<usize>,
+}
+
+impl<R: Read> PartReader<R> {
+    /// Reads what a log starts with.
+    pub(crate) fn new(source: R) -> Result<Self, Fault> {
+        let mut records = RecordReader::new(source);
+        let preamble = read_preamble(&mut records)?;
+        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
+        Ok(Self { records, preamble, schemas, channels, chunk: Vec::new(), cursor: 0, chunk_offset: 0, place: None })
+    }
+
+    pub(crate) fn preamble(&self) -> &Preamble {
+        &self.preamble
+    }
+
+    /// How the file ends; none before its end was reached.
+    pub(crate) fn ending(&self) -> Option<&Ending> {
+        self.records.ending()
+    }
+
+    /// Goes on to the next message; false at the end of what can be read.
+    ///
+    /// # Errors
+    /// [`Fault::Damaged`] when a chunk cannot be read; the next call goes on behind it, if that can be found.
+    pub(crate) fn advance(&mut self) -> Result<bool, Fault> {
+        self.place = None;
+        while self.place.is_none() {
+            if self.next_in_chunk()? {
+                continue;
+            }
+            let Some(record) = self.records.next()? else { return Ok(false) };
+            self.open(record)?;
+        }
+        Ok(true)
+    }
+
+    /// The message that was last gone on to.
+    pub(crate) fn message(&self) -> Option<RawMessage<'_>> {
+        let Place { channel, sequence, stamp_ns, data } = self.place.as_ref()?;
+        let channel = self.channels.get(channel)?;
+        let data = self.chunk.get(data.clone())?;
+        Some(RawMessage { channel, sequence: *sequence, stamp_ns: *stamp_ns, data, offset: self.chunk_offset })
+    }
+
+    /// Makes the records of a chunk the current ones.
+    fn open(&mut self, record: Record) -> Result<(), Damage> {
+        self.chunk_offset = record.offset;
+        self.cursor = 0;
+        self.chunk.clear();
+        match record.opcode {
+            opcode::CHUNK => self.chunk = unpack(&record)?,
+            // A file without chunks: as a chunk of one record.
+            opcode::SCHEMA | opcode::CHANNEL | opcode::MESSAGE => {
+                self.chunk.push(record.opcode);
+                self.chunk.extend((record.body.len() as u64).to_le_bytes());
+                self.chunk.extend(record.body);
+            }
+            // The index behind the data repeats what was read.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Goes on to the next message of the current chunk; false when there is none.
+    fn next_in_chunk(&mut self) -> Result<bool, Damage> {
+        while self.cursor < self.chunk.len() {
+            let Some((opcode, body, rest)) = split_record(&self.chunk[self.cursor..]) else {
+                return Err(self.give_up("half a record"));
+            };
+            let end = self.chunk.len() - rest.len();
+            let mut fields = Fields(body);
+            let understood = match opcode {
+                opcode::SCHEMA => schema(&mut fields).map(|(id, schema)| {
+                    self.schemas.insert(id, schema);
+                }),
+                opcode::CHANNEL => channel(&mut fields, &self.schemas).map(|(id, channel)| {
+                    self.channels.insert(id, channel);
+                }),
+                opcode::MESSAGE => place(&mut fields, end).map(|place| self.place = Some(place)),
+                _ => Some(()),
+            };
+            if understood.is_none() {
+                return Err(self.give_up(&format!("a record of type {opcode:#04x} that does not fit its length")));
+            }
+            self.cursor = end;
+            if let Some(place) = &self.place {
+                if self.channels.contains_key(&place.channel) {
+                    return Ok(true);
+                }
+                let found = format!("a message of channel {}", place.channel);
+                return Err(self.give_up(&found));
+            }
+        }
+        Ok(false)
+    }
+
+    /// Leaves the rest of the current chunk.
+    fn give_up(&mut self, found: &str) -> Damage {
+        self.cursor = self.chunk.len();
+        self.place = None;
+        let expected = "whole records of schemas and channels, and messages of these channels".to_owned();
+        Damage { offset: self.chunk_offset, found: format!("in the chunk there, {found}"), expected }
+    }
+}
+
+/// A message whose bytes reach up to `end` of the chunk.
+fn place(fields: &mut Fields<'_>, end: usize) -> Option<Place> {
+    let (channel, sequence, stamp_ns) = (fields.u16()?, fields.u32()?, fields.u64()?);
+    fields.u64()?;
+    Some(Place { channel, sequence, stamp_ns, data: end - fields.0.len()..end })
+}
+
+fn read_preamble(records: &mut RecordReader<impl Read>) -> Result<Preamble, Fault> {
+    let mut settings = None;
+    while let Some(record) = records.next()? {
+        match record.opcode {
+            opcode::HEADER => {}
+            opcode::ATTACHMENT => settings = Some(settings_of(&record)?),
+            opcode::METADATA => {
+                let (Some(settings), Some((DESCRIPTION, entries))) = (settings, named_texts(&record.body)) else {
+                    let expected = "the attachment settings.toml, then the description of the run";
+                    return Err(damage(&record, "metadata", expected).into());
+                };
+                return Preamble::read(settings, &entries);
+            }
+            other => {
+                let found = format!("a record of type {other:#04x}");
+                return Err(damage(&record, &found, "the settings and the description of the run, before any message").into());
+            }
+        }
+    }
+    Err(match records.ending() {
+        Some(Ending::Damaged(damage)) => damage.clone().into(),
+        Some(Ending::Cut { offset }) => Fault::CutAtStart { offset: *offset },
+        Some(Ending::Complete) | None => Fault::CutAtStart { offset: 0 },
+    })
+}

@@ -1,0 +1,80 @@
+//! What a log starts with: all that its replay needs.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use mcap::Attachment;
+use mcap::records::Metadata;
+use messages::Pose;
+
+use crate::damage::Fault;
+use crate::mirror::Mirrored;
+use crate::shapes;
+
+/// The format that is written and read.
+const FORMAT: &str = "stillmap 1";
+/// Name of the attachment with the settings.
+pub(crate) const SETTINGS: &str = "settings.toml";
+/// Name of the metadata record with the rest.
+pub(crate) const DESCRIPTION: &str = "stillmap";
+
+/// What a log says of itself; it stands at its start, so that a cut file has it too.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Preamble {
+    /// The run that is recorded; in the header of every message.
+    pub run: u64,
+    /// The type of robot, for example `pioneer-1`.
+    pub robot: String,
+    /// The sonar ring in the robot frame, in the order of the sonars' numbers.
+    pub sonars: Vec<Pose>,
+    /// Where the log comes from, in words.
+    pub origin: String,
+    /// The settings of the deployment, whole, as TOML.
+    pub settings: String,
+}
+
+impl Preamble {
+    /// The settings as the first record after the file's header.
+    pub(crate) fn attachment(&self) -> Attachment<'_> {
+        Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: SETTINGS.to_owned(),
+            media_type: "application/toml".to_owned(),
+            data: Cow::Borrowed(self.settings.as_bytes()),
+        }
+    }
+
+    /// The rest as the second.
+    pub(crate) fn metadata(&self) -> Metadata {
+        let sonars: Vec<_> = self.sonars.iter().map(Mirrored::to_json).collect();
+        let entries = [
+            ("format", FORMAT.to_owned()),
+            ("run", format!("{:016x}", self.run)),
+            ("robot", self.robot.clone()),
+            // Fails for maps whose keys are no text; a pose is none.
+            ("sonars", serde_json::to_string(&sonars).unwrap_or_default()),
+            ("origin", self.origin.clone()),
+        ];
+        Metadata { name: DESCRIPTION.to_owned(), metadata: entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect() }
+    }
+
+    /// From the two records.
+    pub(crate) fn read(settings: String, entries: &BTreeMap<String, String>) -> Result<Self, Fault> {
+        let entry = |entry| entries.get(entry).map(String::as_str).unwrap_or_default();
+        let wrong = |entry, found: &str, expected| Fault::Description { entry, found: found.to_owned(), expected };
+        if entry("format") != FORMAT {
+            return Err(wrong("format", entry("format"), FORMAT));
+        }
+        let run = entry("run");
+        let sonars = entry("sonars");
+        let ring: Vec<shapes::Pose> = serde_json::from_str(sonars).map_err(|_| wrong("sonars", sonars, "a list of poses in JSON"))?;
+        Ok(Self {
+            run: u64::from_str_radix(run, 16).map_err(|_| wrong("run", run, "a hexadecimal number"))?,
+            robot: entry("robot").to_owned(),
+            sonars: ring.into_iter().map(Pose::from_json).collect::<Result<_, _>>().map_err(|_| wrong("sonars", sonars, "poses"))?,
+            origin: entry("origin").to_owned(),
+            settings,
+        })
+    }
+}

@@ -1,0 +1,114 @@
+//! What goes into a log: the messages, and what is derived from them for people.
+
+use std::collections::BTreeMap;
+
+use foxglove::Encode;
+use messages::{MapTile, Payload, SonarScan};
+
+use crate::damage::WriteError;
+use crate::logged::{Logged, protobuf_format};
+use crate::preamble::Preamble;
+use crate::views::{POSE_TOPIC, Picture, pose_of};
+use crate::writer::LogWriter;
+
+/// Writes the log of a drive into memory; whoever holds it brings the bytes to where they belong.
+///
+/// What [`take`](Self::take) gives after a [`flush`](Self::flush) is, with all that was taken before, a log that can be read
+/// up to the last message, whatever happens next.
+pub struct Recording {
+    log: LogWriter,
+    /// The map by layer.
+    pictures: BTreeMap<u32, Picture>,
+    /// Number and stamp of the last tile.
+    last_tile: (u64, u64),
+}
+
+impl Recording {
+    /// A log that starts with what its replay needs.
+    ///
+    /// # Errors
+    /// When the preamble is too large for the format.
+    pub fn new(preamble: &Preamble) -> Result<Self, WriteError> {
+        Ok(Self { log: LogWriter::new(preamble)?, pictures: BTreeMap::new(), last_tile: (0, 0) })
+    }
+
+    /// Adds a message.
+    ///
+    /// # Errors
+    /// When the log has more channels than the format allows.
+    pub fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
+        self.log.message(seq, stamp_ns, payload)
+    }
+
+    /// Adds a scan, and its pose as Foxglove shows it.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), WriteError> {
+        self.log.message(seq, stamp_ns, scan)?;
+        self.show(POSE_TOPIC, seq, stamp_ns, &pose_of(scan, stamp_ns))
+    }
+
+    /// Adds a tile, and from time to time the whole map as Foxglove shows it.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn tile(&mut self, seq: u64, stamp_ns: u64, tile: &MapTile) -> Result<(), WriteError> {
+        self.log.message(seq, stamp_ns, tile)?;
+        self.last_tile = (seq, stamp_ns);
+        let picture = self.pictures.entry(tile.layer).or_default();
+        picture.take(tile);
+        if picture.is_due() { self.show_picture(tile.layer) } else { Ok(()) }
+    }
+
+    /// Adds that the stream of a service ends after message `seq`.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn end<T: Payload>(&mut self, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
+        self.log.end::<T>(seq, stamp_ns)
+    }
+
+    /// Makes all messages so far ready to be taken.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        self.log.flush()
+    }
+
+    /// The bytes that have become ready since they were last taken.
+    #[must_use]
+    pub fn take(&mut self) -> Vec<u8> {
+        self.log.take()
+    }
+
+    /// Ends the log with the map as it is and with its index; what it returns is the rest of the bytes.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn finish(mut self) -> Result<Vec<u8>, WriteError> {
+        let stale: Vec<u32> = self.pictures.iter().filter(|(_, picture)| picture.is_stale()).map(|(layer, _)| *layer).collect();
+        for layer in stale {
+            self.show_picture(layer)?;
+        }
+        self.log.finish()
+    }
+
+    fn show_picture(&mut self, layer: u32) -> Result<(), WriteError> {
+        let (seq, stamp_ns) = self.last_tile;
+        match self.pictures.get_mut(&layer).and_then(|picture| picture.draw(stamp_ns)) {
+            Some(grid) => self.show(Picture::topic(layer), seq, stamp_ns, &grid),
+            None => Ok(()),
+        }
+    }
+
+    fn show<M: Encode>(&mut self, topic: &str, seq: u64, stamp_ns: u64, message: &M) -> Result<(), WriteError> {
+        let mut data = Vec::new();
+        // Fails when the buffer is too small; this one grows.
+        if message.encode(&mut data).is_ok() {
+            self.log.raw(topic, protobuf_format::<M>, seq as u32, stamp_ns, &data)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,167 @@
+//! The records of a file and what stands in them.
+
+use std::collections::BTreeMap;
+use std::io::{ErrorKind, Read};
+
+use crate::damage::{Damage, Fault};
+use crate::deframer::{Deframer, MAX_RECORD};
+use crate::fields::Fields;
+use crate::logged::Format;
+use crate::part::{Channel, Ending};
+use crate::preamble::SETTINGS;
+
+/// Bytes that are read at a time.
+const READ: usize = 256 << 10;
+
+/// A record at the top of the file.
+pub(crate) struct Record {
+    /// Where it starts in the file.
+    pub(crate) offset: u64,
+    pub(crate) opcode: u8,
+    pub(crate) body: Vec<u8>,
+}
+
+/// What the messages of a channel are.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Schema {
+    name: String,
+    encoding: String,
+    data: Vec<u8>,
+}
+
+/// Reads a file record by record.
+pub(crate) struct RecordReader<R> {
+    source: R,
+    read: Vec<u8>,
+    deframer: Deframer,
+    ending: Option<Ending>,
+}
+
+impl<R: Read> RecordReader<R> {
+    pub(crate) fn new(source: R) -> Self {
+        Self { source, read: vec![0; READ], deframer: Deframer::new(), ending: None }
+    }
+
+    /// How the file ends; none before its end was reached.
+    pub(crate) fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// The next record; `None` at the end of the file.
+    pub(crate) fn next(&mut self) -> Result<Option<Record>, Fault> {
+        while self.ending.is_none() {
+            match self.deframer.next() {
+                Ok(Some(frame)) => {
+                    return Ok(Some(Record { offset: frame.offset, opcode: frame.opcode, body: frame.body.to_vec() }));
+                }
+                Ok(None) => self.read()?,
+                Err(damage) => self.ending = Some(Ending::Damaged(damage)),
+            }
+        }
+        Ok(None)
+    }
+
+    fn read(&mut self) -> Result<(), Fault> {
+        match self.source.read(&mut self.read) {
+            Ok(0) => {
+                let cut = Ending::Cut { offset: self.deframer.offset() };
+                self.ending = Some(if self.deframer.is_done() { Ending::Complete } else { cut });
+            }
+            Ok(count) => self.deframer.push(&self.read[..count]),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+}
+
+pub(crate) fn damage(record: &Record, found: &str, expected: &str) -> Damage {
+    Damage { offset: record.offset, found: found.to_owned(), expected: expected.to_owned() }
+}
+
+/// The settings from their attachment.
+pub(crate) fn settings_of(record: &Record) -> Result<String, Damage> {
+    let wrong = |found: &str| damage(record, found, "the attachment settings.toml with its checksum");
+    let mut fields = Fields(&record.body);
+    let parse = |fields: &mut Fields<'_>| {
+        fields.u64()?;
+        fields.u64()?;
+        let name = fields.text()?.to_owned();
+        fields.text()?;
+        let length = fields.u64()?;
+        Some((name, fields.bytes(length)?.to_vec()))
+    };
+    let (name, content) = parse(&mut fields).ok_or_else(|| wrong("an attachment that does not fit its length"))?;
+    let covered = &record.body[..record.body.len() - fields.0.len()];
+    let calculated = crc32fast::hash(covered);
+    match fields.u32() {
+        Some(saved) if saved == calculated => {}
+        saved => return Err(wrong(&format!("checksum {:08x} instead of {calculated:08x}", saved.unwrap_or_default()))),
+    }
+    match String::from_utf8(content) {
+        Ok(settings) if name == SETTINGS => Ok(settings),
+        _ => Err(wrong(&format!("the attachment {name:?}"))),
+    }
+}
+
+/// A metadata record.
+pub(crate) fn named_texts(body: &[u8]) -> Option<(&str, BTreeMap<String, String>)> {
+    let mut fields = Fields(body);
+    Some((fields.text()?, fields.texts()?))
+}
+
+/// A schema with its number.
+pub(crate) fn schema(fields: &mut Fields<'_>) -> Option<(u16, Schema)> {
+    let id = fields.u16()?;
+    let name = fields.text()?.to_owned();
+    let encoding = fields.text()?.to_owned();
+    let length = fields.u32()?;
+    Some((id, Schema { name, encoding, data: fields.bytes(length.into())?.to_vec() }))
+}
+
+/// A channel with its number.
+pub(crate) fn channel(fields: &mut Fields<'_>, schemas: &BTreeMap<u16, Schema>) -> Option<(u16, Channel)> {
+    let id = fields.u16()?;
+    let schema = schemas.get(&fields.u16()?).cloned().unwrap_or_default();
+    let topic = fields.text()?.to_owned();
+    let message_encoding = fields.text()?.to_owned();
+    let format = Format { schema_name: schema.name, schema_encoding: schema.encoding, schema: schema.data, message_encoding };
+    Some((id, Channel { topic, format }))
+}
+
+/// The records of a chunk, decompressed and checked.
+pub(crate) fn unpack(record: &Record) -> Result<Vec<u8>, Damage> {
+    let wrong = |found: String, expected: &str| Damage { offset: record.offset, found, expected: expected.to_owned() };
+    let mut fields = Fields(&record.body);
+    let parse = |fields: &mut Fields<'_>| {
+        fields.u64()?;
+        fields.u64()?;
+        let size = fields.u64()?;
+        let crc = fields.u32()?;
+        let compression = fields.text()?.to_owned();
+        let packed = fields.u64()?;
+        Some((size, crc, compression, fields.bytes(packed)?.to_vec()))
+    };
+    let Some((size, crc, compression, packed)) = parse(&mut fields) else {
+        return Err(wrong("a chunk that does not fit its length".to_owned(), "a whole chunk"));
+    };
+    if size > MAX_RECORD {
+        return Err(wrong(format!("a chunk of {size} bytes"), "at most 67108864"));
+    }
+    let content = match compression.as_str() {
+        "" => packed,
+        "lz4" => {
+            let mut content = Vec::with_capacity(size as usize);
+            let unpacked = lz4::Decoder::new(packed.as_slice()).and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
+            unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "LZ4"))?;
+            content
+        }
+        other => return Err(wrong(format!("compression {other:?}"), "lz4 or none")),
+    };
+    let calculated = crc32fast::hash(&content);
+    if content.len() as u64 != size || (crc != 0 && crc != calculated) {
+        let found = format!("a chunk of {} bytes with checksum {calculated:08x}", content.len());
+        return Err(wrong(found, &format!("{size} bytes with checksum {crc:08x}")));
+    }
+    Ok(content)
+}

@@ -1,0 +1,60 @@
+//! One complete log from what can be read of a cut or damaged one.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+
+use crate::damage::{Fault, LogError};
+use crate::log::Log;
+use crate::writer::LogWriter;
+
+/// What became of a recovery.
+#[derive(Debug)]
+pub struct Recovered {
+    /// Messages in the new log.
+    pub messages: u64,
+    /// Size of the new log.
+    pub bytes: u64,
+    /// What could not be read.
+    pub damages: Vec<LogError>,
+}
+
+/// Writes everything that can be read of the log `from`, with the parts that follow it, into the new file `to`, in order and
+/// with its index.
+///
+/// # Errors
+/// When `from` is no log, or `to` exists already or cannot be written; a file begun is removed.
+pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
+    let mut log = Log::open(from)?;
+    let mut file = File::create_new(to).map_err(LogError::at(to))?;
+    copy(&mut log, &mut file).map_err(|fault| {
+        // The first failure is the one to tell.
+        let _ = fs::remove_file(to);
+        LogError::at(to)(fault)
+    })
+}
+
+fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
+    let mut writer = LogWriter::new(log.preamble())?;
+    let mut recovered = Recovered { messages: 0, bytes: 0, damages: Vec::new() };
+    loop {
+        match log.advance() {
+            Ok(true) => {
+                let Some(message) = log.message() else { continue };
+                let format = || message.channel.format.clone();
+                writer.raw(&message.channel.topic, format, message.sequence, message.stamp_ns, message.data)?;
+                recovered.messages += 1;
+                recovered.bytes += append(file, &writer.take())?;
+            }
+            Ok(false) => break,
+            Err(error) => recovered.damages.push(error),
+        }
+    }
+    recovered.bytes += append(file, &writer.finish()?)?;
+    Ok(recovered)
+}
+
+fn append(file: &mut File, bytes: &[u8]) -> Result<u64, Fault> {
+    file.write_all(bytes)?;
+    Ok(bytes.len() as u64)
+}

@@ -1,0 +1,145 @@
+//! From messages to the bytes of a log.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::rc::Rc;
+
+use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
+use mcap::{Compression, WriteOptions};
+use messages::Payload;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::damage::WriteError;
+use crate::logged::{Format, Logged, json_format};
+use crate::preamble::Preamble;
+
+/// The topic that says which streams have ended.
+pub(crate) const END_TOPIC: &str = "log/end";
+/// A chunk is closed when it has grown beyond this, bytes before compression.
+const CHUNK: u64 = 1 << 20;
+
+/// The end of a stream.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub(crate) struct End {
+    /// The service whose stream ends.
+    pub(crate) service: String,
+    /// Its last message.
+    pub(crate) seq: u64,
+}
+
+/// Writes a log into memory; whoever holds it brings the bytes to where they belong.
+///
+/// What [`take`](Self::take) gives after a [`flush`](Self::flush) is, with all that was taken before, a log that can be read
+/// up to the last message, whatever happens next.
+pub(crate) struct LogWriter {
+    writer: mcap::Writer<NoSeek<Outbox>>,
+    outbox: Outbox,
+    channels: BTreeMap<String, u16>,
+}
+
+/// The bytes that the MCAP writer has let go.
+#[derive(Clone, Default)]
+struct Outbox(Rc<RefCell<Vec<u8>>>);
+
+impl Write for Outbox {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.borrow_mut().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl LogWriter {
+    /// A log that starts with what its replay needs.
+    ///
+    /// # Errors
+    /// When the preamble is too large for the format.
+    pub(crate) fn new(preamble: &Preamble) -> Result<Self, WriteError> {
+        let outbox = Outbox::default();
+        let mut writer = WriteOptions::new()
+            .compression(Some(Compression::Lz4))
+            .chunk_size(Some(CHUNK))
+            // A chunk reaches the file whole or, at its end, not at all.
+            .disable_seeking(true)
+            .library(concat!("stillmap ", env!("CARGO_PKG_VERSION")))
+            .create(NoSeek::new(outbox.clone()))?;
+        writer.attach(&preamble.attachment())?;
+        writer.write_metadata(&preamble.metadata())?;
+        Ok(Self { writer, outbox, channels: BTreeMap::new() })
+    }
+
+    /// Adds a message of a service.
+    ///
+    /// # Errors
+    /// When the log has more channels than the format allows.
+    pub(crate) fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
+        self.raw(T::SERVICE.name, T::format, seq as u32, stamp_ns, &payload.encode(seq, stamp_ns))
+    }
+
+    /// Adds that the stream of a service ends after message `seq`.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub(crate) fn end<T: Payload>(&mut self, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
+        let end = End { service: T::SERVICE.name.to_owned(), seq };
+        // Fails for maps whose keys are no text; this has none.
+        let data = serde_json::to_vec(&end).unwrap_or_default();
+        self.raw(END_TOPIC, || json_format::<End>("End"), seq as u32, stamp_ns, &data)
+    }
+
+    /// Adds a message as bytes.
+    pub(crate) fn raw(
+        &mut self,
+        topic: &str,
+        format: impl FnOnce() -> Format,
+        sequence: u32,
+        stamp_ns: u64,
+        data: &[u8],
+    ) -> Result<(), WriteError> {
+        let channel_id = match self.channels.get(topic) {
+            Some(id) => *id,
+            None => self.add_channel(topic, &format())?,
+        };
+        let header = MessageHeader { channel_id, sequence, log_time: stamp_ns, publish_time: stamp_ns };
+        Ok(self.writer.write_to_known_channel(&header, data)?)
+    }
+
+    fn add_channel(&mut self, topic: &str, format: &Format) -> Result<u16, WriteError> {
+        let schema = match format.schema_encoding.as_str() {
+            "" => 0,
+            encoding => self.writer.add_schema(&format.schema_name, encoding, &format.schema)?,
+        };
+        let id = self.writer.add_channel(schema, topic, &format.message_encoding, &BTreeMap::new())?;
+        self.channels.insert(topic.to_owned(), id);
+        Ok(id)
+    }
+
+    /// Closes the open chunk: all messages so far are among the bytes that can be taken.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub(crate) fn flush(&mut self) -> Result<(), WriteError> {
+        Ok(self.writer.flush()?)
+    }
+
+    /// The bytes that have become ready since they were last taken.
+    #[must_use]
+    pub(crate) fn take(&mut self) -> Vec<u8> {
+        self.outbox.0.take()
+    }
+
+    /// Ends the log with its index; what it returns is the rest of the bytes.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub(crate) fn finish(mut self) -> Result<Vec<u8>, WriteError> {
+        self.writer.finish()?;
+        Ok(self.take())
+    }
+}

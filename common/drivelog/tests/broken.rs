@@ -1,0 +1,242 @@
+//! Logs that were cut or damaged: what is left is read, what is lost is said, nothing is made up, and nothing panics.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod payloads;
+
+use std::path::Path;
+
+use messages::{MapTile, Payload, SonarScan};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use stillmap_drivelog::{Ending, Entry, Fault, Log, LogError, Outcome, Recording, info, recover};
+
+use payloads::Arbitrary;
+
+const SCANS: u64 = 6;
+/// Scans between two flushes.
+const HELD: u64 = 2;
+
+/// A log, and how many of its scans a file cut at each flush holds.
+struct Example {
+    bytes: Vec<u8>,
+    scans: Vec<SonarScan>,
+    /// Size of the file after each flush, and the scans written by then.
+    flushed: Vec<(usize, u64)>,
+}
+
+fn example() -> Example {
+    let mut runner = TestRunner::deterministic();
+    let any = SonarScan::any().prop_map(|scan| SonarScan::new(scan.pose, &scan.readings()[..scan.readings().len().min(2)], false));
+    let scans: Vec<SonarScan> = (0..SCANS).map(|_| any.new_tree(&mut runner).unwrap().current()).collect();
+    let tile = MapTile { cell_m: 0.05, ..MapTile::default() };
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    let mut bytes = recording.take();
+    let mut flushed = vec![(bytes.len(), 0)];
+    for (seq, scan) in (1..).zip(&scans) {
+        recording.scan(seq, seq * 1_000, scan).unwrap();
+        if seq % HELD == 0 {
+            recording.tile(seq, seq * 1_000, &tile).unwrap();
+            recording.flush().unwrap();
+            bytes.extend(recording.take());
+            flushed.push((bytes.len(), seq));
+        }
+    }
+    recording.end::<SonarScan>(SCANS, SCANS * 1_000).unwrap();
+    bytes.extend(recording.finish().unwrap());
+    Example { bytes, scans, flushed }
+}
+
+/// The scans of a log, and what was said while reading it.
+fn read(path: &Path) -> Result<(Vec<(u64, SonarScan)>, Vec<LogError>), LogError> {
+    let mut log = Log::open(path)?;
+    let (mut scans, mut errors) = (Vec::new(), Vec::new());
+    loop {
+        match log.next_of::<SonarScan>() {
+            Ok(Some(Entry::Message { seq, payload, .. })) => scans.push((seq, payload)),
+            Ok(Some(Entry::End { .. })) => {}
+            Ok(None) => return Ok((scans, errors)),
+            Err(error) => errors.push(error),
+        }
+    }
+}
+
+fn is_one_line(error: &LogError) -> bool {
+    let text = error.to_string();
+    !text.contains('\n') && text.contains("drive.mcap")
+}
+
+#[test]
+fn a_log_cut_anywhere_is_read_up_to_the_last_flush() {
+    let Example { bytes, scans, flushed } = example();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    for length in 0..bytes.len() {
+        std::fs::write(&path, &bytes[..length]).unwrap();
+        let whole = flushed.iter().rev().find(|(size, _)| *size <= length);
+        match (read(&path), whole) {
+            (Ok((found, errors)), Some((_, count))) => {
+                assert!(errors.is_empty(), "cut at {length}: {errors:?}");
+                assert!(found.len() as u64 >= *count, "cut at {length}: {} scans, {count} were flushed", found.len());
+                assert!(found.iter().zip(1..).all(|((seq, scan), expected)| *seq == expected && *scan == scans[expected as usize - 1]));
+                let told = info(&path).unwrap();
+                let [part] = told.parts.as_slice() else { panic!("one part") };
+                let Outcome::Read(Ending::Cut { offset }) = part.outcome else { panic!("cut at {length}: {:?}", part.outcome) };
+                assert!(offset <= length as u64);
+                assert!(!told.is_whole());
+            }
+            (Err(error), None) => {
+                assert!(matches!(*error.fault, Fault::CutAtStart { .. }), "cut at {length}: {error}");
+                assert!(is_one_line(&error), "{error}");
+            }
+            (read, whole) => panic!("cut at {length}, whole {whole:?}: {:?}", read.map(|(scans, _)| scans.len())),
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_noticed_and_makes_no_message_up() {
+    let Example { bytes, scans, flushed } = example();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let (preamble, _) = flushed[0];
+    let data_end = bytes.len() - index_size(&bytes);
+    // Every byte of what a log starts with, and one in seven of the rest.
+    for (place, bit) in (0..bytes.len()).filter(|place| *place < preamble || place % 7 == 0).map(|place| (place, place % 8)) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 1 << bit;
+        std::fs::write(&path, &damaged).unwrap();
+        let told = match info(&path) {
+            Ok(told) => told,
+            Err(error) => {
+                assert!(is_one_line(&error), "{error}");
+                assert!(place < preamble, "bit {bit} of byte {place}: {error}");
+                continue;
+            }
+        };
+        assert!(!told.is_whole() || place >= data_end, "bit {bit} of byte {place} flips unnoticed");
+        let (found, errors) = read(&path).unwrap();
+        assert!(errors.iter().all(is_one_line));
+        for (seq, scan) in &found {
+            let index = usize::try_from(seq - 1).unwrap();
+            assert_eq!(scans.get(index), Some(scan), "bit {bit} of byte {place}");
+        }
+    }
+}
+
+/// Bytes from the end of the data on: an index that is not read.
+fn index_size(bytes: &[u8]) -> usize {
+    let footer = bytes.len() - 8 - 20;
+    let summary_start = u64::from_le_bytes(bytes[footer..footer + 8].try_into().unwrap());
+    let data_end_record = 9 + 4;
+    bytes.len() - (usize::try_from(summary_start).unwrap() - data_end_record)
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_a_log_or_a_clear_word(noise in prop::collection::vec(any::<u8>(), 0..400), keep in 0usize..2_000, at_start: bool) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let log = example().bytes;
+        let mut bytes = if at_start { Vec::new() } else { log[..keep.min(log.len())].to_vec() };
+        bytes.extend(noise);
+        std::fs::write(&path, bytes).unwrap();
+        match read(&path) {
+            Ok((_, errors)) => prop_assert!(errors.iter().all(is_one_line)),
+            Err(error) => prop_assert!(is_one_line(&error)),
+        }
+    }
+}
+
+#[test]
+fn what_is_no_log_is_refused_with_a_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        Log::open(&path).err().unwrap().to_string()
+    };
+    assert!(refused(b"").ends_with("cut at byte 0, expected the settings and the description of the run that a log starts with"));
+    assert!(
+        refused(b"#!/bin/sh\n")
+            .contains("damaged at byte 0: found [23, 21, 2f, 62, 69, 6e, 2f, 73], expected the magic bytes of an MCAP file")
+    );
+
+    let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    other.add_channel(0, "chatter", "json", &Default::default()).unwrap();
+    other.finish().unwrap();
+    assert!(refused(&other.into_inner().into_inner()).contains("found a record of type 0x06, expected the settings and the description"));
+
+    std::fs::remove_file(&path).unwrap();
+    assert!(Log::open(&path).err().unwrap().to_string().contains("No such file"));
+}
+
+/// `mcap` 0.26 panics when it parses an attachment that is shorter than its own fields; this reader does not use its parser.
+#[test]
+fn an_attachment_shorter_than_its_fields_is_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut bytes = mcap::MAGIC.to_vec();
+    bytes.push(mcap::records::op::ATTACHMENT);
+    bytes.extend(32u64.to_le_bytes());
+    bytes.extend([0; 32]);
+    std::fs::write(&path, bytes).unwrap();
+    assert!(Log::open(&path).err().unwrap().to_string().contains("damaged at byte 8"));
+}
+
+#[test]
+fn a_cut_log_is_recovered_into_a_complete_one() {
+    let Example { bytes, scans, flushed } = example();
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    let (size, count) = flushed[2];
+    std::fs::write(&from, &bytes[..size + 100]).unwrap();
+    let recovered = recover(&from, &to).unwrap();
+    assert!(recovered.damages.is_empty());
+    assert_eq!(recovered.bytes, std::fs::metadata(&to).unwrap().len());
+
+    let told = info(&to).unwrap();
+    assert!(told.is_whole(), "{told}");
+    assert_eq!(told.preamble, payloads::preamble(7));
+    assert_eq!(told.channels, info(&from).unwrap().channels);
+    assert_eq!(told.channels.values().map(|channel| channel.messages).sum::<u64>(), recovered.messages);
+    let (found, _) = read(&to).unwrap();
+    assert_eq!(found, (1..).zip(scans).take(usize::try_from(count).unwrap()).collect::<Vec<_>>());
+
+    // A file that is there already is not overwritten.
+    assert!(matches!(*recover(&from, &to).unwrap_err().fault, Fault::Io(_)));
+}
+
+#[test]
+fn recovery_leaves_a_damaged_chunk_out() {
+    let Example { mut bytes, flushed, .. } = example();
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    let (second_chunk, before) = flushed[1];
+    bytes[second_chunk + 200] ^= 1;
+    std::fs::write(&from, &bytes).unwrap();
+    let recovered = recover(&from, &to).unwrap();
+    assert!(
+        recovered.damages[0].to_string().contains(&format!("damaged at byte {second_chunk}: found a chunk")),
+        "{:?}",
+        recovered.damages
+    );
+    let (found, errors) = read(&to).unwrap();
+    assert!(errors.is_empty());
+    let expected: Vec<u64> = (1..=before).chain(before + HELD + 1..=SCANS).collect();
+    assert_eq!(found.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn a_message_whose_numbers_cannot_be_meant_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    let mut scan = SonarScan::default();
+    scan.pose.x_m = 1e9;
+    recording.message(5, 50, &scan).unwrap();
+    std::fs::write(&path, recording.finish().unwrap()).unwrap();
+    let error = Log::open(&path).unwrap().next_of::<SonarScan>().unwrap_err().to_string();
+    assert!(error.contains(&format!("message 5 of {}", SonarScan::SERVICE.name)), "{error}");
+    assert!(error.ends_with("pose.x_m is 1000000000, expected at most 1000 km from the origin"), "{error}");
+}

@@ -1,0 +1,103 @@
+//! Every payload comes back from a log as it went in, bit for bit, with its number and its stamp.
+#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+
+mod payloads;
+
+use messages::{
+    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan, TruthScan,
+    TruthSurfaces, WayChunk,
+};
+use proptest::prelude::*;
+use stillmap_drivelog::{Entry, Log, Logged, Recording};
+
+use payloads::Arbitrary;
+
+fn check<T: Logged>(seq: u64, stamp_ns: u64, payload: &T) {
+    let (found_seq, found) = T::decode(&payload.encode(seq, stamp_ns)).unwrap();
+    assert_eq!(found_seq, seq);
+    assert_eq!(bytemuck::bytes_of(&found), bytemuck::bytes_of(payload));
+}
+
+macro_rules! every_payload {
+    ($($name:ident: $payload:ty,)*) => { proptest! { $(
+        #[test]
+        fn $name(seq: u64, stamp_ns: u64, payload in <$payload>::any()) {
+            check(seq, stamp_ns, &payload);
+        }
+    )* } };
+}
+
+every_payload! {
+    sonar_scan: SonarScan,
+    sonar_motion: SonarMotion,
+    camera_motion: CameraMotion,
+    filter_verdict: FilterVerdict,
+    map_tile: MapTile,
+    way_chunk: WayChunk,
+    map_summary: MapSummary,
+    heartbeat: Heartbeat,
+    progress: Progress,
+    deployment_status: DeploymentStatus,
+    truth_scan: TruthScan,
+    truth_surfaces: TruthSurfaces,
+}
+
+/// What the bus lets through and JSON has no number for does not make a log unreadable.
+#[test]
+fn a_number_that_is_none_comes_back_as_none() {
+    let mut truth = TruthScan { walkers_count: 1, ..TruthScan::default() };
+    truth.walkers_m[0] = [f64::NAN, f64::INFINITY];
+    let (_, found) = TruthScan::decode(&truth.encode(1, 2)).unwrap();
+    assert!(found.walkers_m[0].iter().all(|value| value.is_nan()));
+}
+
+#[test]
+fn the_json_of_a_scan_reads_as_the_payload_does() {
+    let reading =
+        messages::SonarReading { mount: messages::Pose { x_m: 0.1, y_m: -0.25, yaw_rad: 1.5 }, range_m: 2.125, sonar: 6, echo: 1 };
+    let scan = SonarScan::new(messages::Pose { x_m: 1e-3, y_m: 1e300, yaw_rad: -0.0 }, &[reading], true);
+    let expected = r#"{"seq":7,"pose":{"x_m":0.001,"y_m":1e+300,"yaw_rad":-0.0},"after_gap":1,"readings":[{"mount":{"x_m":0.1,"y_m":-0.25,"yaw_rad":1.5},"range_m":2.125,"sonar":6,"echo":1}]}"#;
+    assert_eq!(String::from_utf8(scan.encode(7, 0)).unwrap(), expected);
+}
+
+proptest! {
+    /// Through a whole file, in order, among messages of other services.
+    #[test]
+    fn a_stream_comes_back_in_order(
+        scans in prop::collection::vec((any::<u64>(), SonarScan::any()), 0..20),
+        tiles in prop::collection::vec(MapTile::any(), 0..3),
+        first in 1..u64::MAX / 2,
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let mut recording = Recording::new(&payloads::preamble(1)).unwrap();
+        for (seq, (stamp_ns, scan)) in (first..).zip(&scans) {
+            recording.scan(seq, *stamp_ns, scan).unwrap();
+            recording.message(1, *stamp_ns, &Progress::default()).unwrap();
+        }
+        for tile in &tiles {
+            recording.tile(9, 8, tile).unwrap();
+        }
+        recording.end::<SonarScan>(99, 77).unwrap();
+        recording.end::<TruthScan>(98, 76).unwrap();
+        std::fs::write(&path, recording.finish().unwrap()).unwrap();
+
+        let mut log = Log::open(&path).unwrap();
+        prop_assert_eq!(log.preamble(), &payloads::preamble(1));
+        for (expected_seq, (expected_stamp, expected)) in (first..).zip(&scans) {
+            let Some(Entry::Message { seq, stamp_ns, payload }) = log.next_of::<SonarScan>().unwrap() else { panic!("a message") };
+            prop_assert_eq!((seq, stamp_ns), (expected_seq, *expected_stamp));
+            prop_assert_eq!(bytemuck::bytes_of(&payload), bytemuck::bytes_of(expected));
+        }
+        prop_assert_eq!(log.next_of::<SonarScan>().unwrap(), Some(Entry::End { seq: 99, stamp_ns: 77 }));
+        prop_assert_eq!(log.next_of::<SonarScan>().unwrap(), None);
+
+        let mut log = Log::open(&path).unwrap();
+        for expected in &tiles {
+            let Some(Entry::Message { payload, .. }) = log.next_of::<MapTile>().unwrap() else { panic!("a tile") };
+            prop_assert_eq!(bytemuck::bytes_of(&payload), bytemuck::bytes_of(expected));
+        }
+        prop_assert_eq!(log.next_of::<MapTile>().unwrap(), None);
+        prop_assert_eq!(stillmap_drivelog::info(&path).unwrap().channels.get(SonarScan::SERVICE.name).map_or(0, |c| c.messages), scans.len() as u64);
+    }
+}
