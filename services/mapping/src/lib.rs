@@ -8,11 +8,22 @@
     )
 )]
 
-//! Fuzzy-tuned grid-based mapping (FTGBM), the owner of the map.
+//! Fuzzy-tuned grid-based mapping (FTGBM, section 3 of the paper), the owner of the map.
+//!
+//! [`Mapper`] is the whole of it as a fold: scans and the verdicts on them in, lattices of log-odds out. It opens no file and
+//! reads no clock; the same scans and verdicts give the same map, to the byte.
+//!
+//! - A reading is integrated by the sensor model (eq. 2), tuned by fuzzy rules (eq. 1) from what its cone holds, with Bayes' rule
+//!   (eq. 3) as a clamped sum of log-odds.
+//! - It stays *pending* until it is decided whether a moving thing caused it: by its verdict, or at the commit horizon. What is
+//!   *shown* is the committed lattice with the pending readings on top.
+//! - [`export`] makes the files that people and other robots read. [`run`] is the process on the bus.
 
 mod codec;
 mod cone;
 mod digest;
+pub mod export;
+mod files;
 #[cfg(test)]
 mod golden;
 mod integrate;
@@ -21,6 +32,7 @@ mod mapper;
 mod numeric;
 mod parameters;
 mod pending;
+mod process;
 #[cfg(test)]
 mod reference;
 mod sensor_model;
@@ -29,7 +41,9 @@ mod tuning;
 mod way;
 
 pub use codec::StateError;
+pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
 pub use parameters::{Parameters, ParametersError};
+pub use process::{MappingError, run};
 
 const _: () = assert!(grid::TILE_EDGE == messages::TILE_EDGE);

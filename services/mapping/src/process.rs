@@ -1,0 +1,277 @@
+//! The process around the mapper: scans and verdicts from the bus, tiles to it, files at the end.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use bus::{BusError, Checkpoint, CheckpointError, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, WayChunk};
+use settings::{Pace, Settings};
+
+use crate::export::MapCopy;
+use crate::files::write_files;
+use crate::{Input, Mapper, Parameters, ParametersError, Refused};
+
+/// Scans between two checkpoints: with the lockstep window far fewer than a stream's history holds.
+const CHECKPOINT_SCANS: u64 = 64;
+/// Most messages taken in one round, so that the heartbeat is never late.
+const TAKEN_PER_ROUND: usize = 256;
+/// Most tiles sent in one round: a fraction of a reader's buffer, which it has time to empty before the next.
+const TILES_PER_ROUND: usize = 64;
+/// Time between two rounds of sending as long as tiles wait.
+const SENDING_PAUSE: Duration = Duration::from_millis(5);
+/// Shortest time between two looks at what has changed: a little less than the period of a robot's scans, so that live each is
+/// shown at once, while a fast replay sends no more than people can see.
+const SHOWING_PERIOD: Duration = Duration::from_millis(90);
+/// How long after the last scan the end of the verdicts is waited for, live.
+const VERDICTS_END: Duration = Duration::from_secs(5);
+
+/// How mapping ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum MappingError {
+    /// The settings make no mapper.
+    #[error("[mapping]: {0}")]
+    Parameters(#[from] ParametersError),
+    /// A service cannot be used.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// The work loop failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Maps until the scans end or the process is asked to stop, then writes the map.
+///
+/// # Errors
+/// Settings that make no mapper, a bus that fails, or files that cannot be written.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), MappingError> {
+    let mut mapping = Mapping::new(&mut shell, settings)?;
+    Ok(shell.run(&mut mapping)?)
+}
+
+struct Mapping {
+    mapper: Mapper,
+    scans: Reader<SonarScan>,
+    verdicts: Option<Reader<FilterVerdict>>,
+    tiles: Writer<MapTile>,
+    way: Writer<WayChunk>,
+    summary: Writer<MapSummary>,
+    checkpoint: Checkpoint,
+    /// Last scan that the checkpoint includes.
+    checkpointed: u64,
+    out: PathBuf,
+    pace: Pace,
+    layers: &'static [Layer],
+    /// Input came that is not shown yet.
+    news: bool,
+    shown_at: Option<Instant>,
+    scans_ended_at: Option<Instant>,
+    refused: u64,
+}
+
+impl Mapping {
+    fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, MappingError> {
+        let parameters = Parameters::new(&settings.mapping, settings.pace)?;
+        let checkpoint = shell.checkpoint();
+        let mapper = take_up(&checkpoint, parameters);
+        let mut scans = shell.reader::<SonarScan>()?;
+        let (last_seq, _) = mapper.last_scan();
+        scans.skip_to(last_seq);
+        let mut verdicts = None;
+        if settings.mapping.expect_verdicts {
+            let mut reader = shell.reader::<FilterVerdict>()?;
+            reader.skip_to(mapper.decided_up_to());
+            verdicts = Some(reader);
+        }
+        Ok(Self {
+            scans,
+            verdicts,
+            tiles: shell.writer()?,
+            way: shell.writer()?,
+            summary: shell.writer()?,
+            checkpoint,
+            checkpointed: last_seq,
+            out: settings.out.clone(),
+            pace: settings.pace,
+            layers: if settings.mapping.keep_unfiltered { &[Layer::Filtered, Layer::Unfiltered] } else { &[Layer::Filtered] },
+            news: true,
+            shown_at: None,
+            scans_ended_at: None,
+            refused: 0,
+            mapper,
+        })
+    }
+
+    /// Takes what waits, up to a round's share; true when there may be more.
+    fn take_inputs(&mut self, context: &mut Context<'_>) -> Result<bool, StepError> {
+        for _ in 0..TAKEN_PER_ROUND {
+            let scan = self.take_scan(context)?;
+            let verdict = self.take_verdict()?;
+            if !scan && !verdict {
+                return Ok(false);
+            }
+            self.news = true;
+        }
+        Ok(true)
+    }
+
+    fn take_scan(&mut self, context: &mut Context<'_>) -> Result<bool, StepError> {
+        match self.scans.take()? {
+            None => return Ok(false),
+            Some(Received::Message(scan)) => {
+                let seq = scan.seq();
+                let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
+                self.note(taken);
+                context.answered::<SonarScan>(seq);
+                if seq >= self.checkpointed + CHECKPOINT_SCANS {
+                    self.save()?;
+                }
+            }
+            Some(Received::End { .. }) => {
+                self.scans_ended_at = Some(Instant::now());
+                self.save()?;
+            }
+        }
+        Ok(true)
+    }
+
+    fn take_verdict(&mut self) -> Result<bool, StepError> {
+        let Some(verdicts) = &mut self.verdicts else { return Ok(false) };
+        match verdicts.take()? {
+            None => return Ok(false),
+            Some(Received::Message(verdict)) => {
+                let taken = self.mapper.step(Input::Verdict { seq: verdict.seq(), verdict: &verdict });
+                self.note(taken);
+            }
+            Some(Received::End { .. }) => {}
+        }
+        Ok(true)
+    }
+
+    fn note(&mut self, taken: Result<(), Refused>) {
+        if let Err(refused) = taken {
+            self.refused += 1;
+            tracing::warn!("{refused}");
+        }
+    }
+
+    fn save(&mut self) -> Result<(), StepError> {
+        self.checkpoint.save(&self.mapper.save())?;
+        self.checkpointed = self.mapper.last_scan().0;
+        Ok(())
+    }
+
+    /// Whether nothing more is to come that the map could wait for.
+    fn is_over(&self) -> bool {
+        let Some(ended_at) = self.scans_ended_at else { return false };
+        let all_decided = self.mapper.decided_up_to() == self.mapper.last_scan().0;
+        let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
+        match &self.verdicts {
+            None => true,
+            Some(verdicts) => verdicts.ended() || all_decided || out_of_patience,
+        }
+    }
+
+    /// Sends what has changed, up to a round's share; true when there is more.
+    fn send(&mut self) -> Result<bool, BusError> {
+        let (seq, stamp_ns) = self.mapper.last_scan();
+        let mut room = TILES_PER_ROUND;
+        for &layer in self.layers {
+            let keys = self.mapper.take_unsent(layer, room);
+            room -= keys.len();
+            for key in keys {
+                self.tiles.send_with(seq, stamp_ns, |message| self.mapper.write_tile(layer, key, message))?;
+            }
+        }
+        while let Some(chunk) = self.mapper.next_way_chunk() {
+            self.way.send(seq, stamp_ns, &chunk)?;
+        }
+        Ok(room == 0)
+    }
+
+    fn count(&self, context: &mut Context<'_>) {
+        let counts = self.mapper.counts();
+        context.count("scans integrated", counts.scans);
+        context.count("readings integrated", counts.readings);
+        context.count("readings withheld", counts.withheld);
+        context.count("readings undecided", counts.undecided);
+        context.count("scans pending", self.mapper.pending_scans() as u64);
+        context.count("inputs refused", self.refused);
+    }
+
+    /// Integrates what is pending, sends the rest, writes the files and says so.
+    fn finish(&mut self) -> Result<(), StepError> {
+        self.mapper.step(Input::End)?;
+        self.mapper.refresh();
+        while self.send()? {}
+        let summary = self.mapper.summary();
+        let written = write_files(&self.out, &self.copy().files()?)?;
+        for path in written {
+            tracing::info!("wrote {}", path.display());
+        }
+        let (seq, stamp_ns) = self.mapper.last_scan();
+        self.summary.send(seq, stamp_ns, &summary)?;
+        self.summary.end(seq, stamp_ns)?;
+        self.tiles.end(seq, stamp_ns)?;
+        self.way.end(seq, stamp_ns)?;
+        Ok(())
+    }
+
+    fn copy(&self) -> MapCopy {
+        let mut copy = MapCopy::default();
+        for &layer in self.layers {
+            self.mapper.shown_tiles(layer).for_each(|tile| copy.take_tile(&tile));
+        }
+        copy.set_way(self.mapper.way_m());
+        copy
+    }
+}
+
+impl Process for Mapping {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let more_waits = self.take_inputs(context)?;
+        self.count(context);
+        if context.stopping() || (self.is_over() && !more_waits) {
+            // Saved before what is pending is decided: should the end fail, the next incarnation goes on from here.
+            self.save()?;
+            self.finish()?;
+            return Ok(Next::Finished);
+        }
+        if self.tiles.joined() | self.way.joined() {
+            self.mapper.send_again();
+            self.news = true;
+        }
+        let due_in = self.shown_at.map_or(Duration::ZERO, |at| SHOWING_PERIOD.saturating_sub(at.elapsed()));
+        if self.news && due_in.is_zero() {
+            self.mapper.refresh();
+            self.news = false;
+            self.shown_at = Some(Instant::now());
+        }
+        let more_to_send = self.send()?;
+        Ok(match (more_waits, more_to_send, self.news) {
+            (true, ..) => Next::Again,
+            (_, true, _) => Next::WaitAtMost(SENDING_PAUSE),
+            (.., true) => Next::WaitAtMost(due_in),
+            _ => Next::Wait,
+        })
+    }
+}
+
+/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
+fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Mapper {
+    let restored = match checkpoint.load() {
+        Ok(None) => return Mapper::new(parameters),
+        Ok(Some(state)) => Mapper::restore(parameters.clone(), &state).map_err(|error| format!("the state in the checkpoint: {error}")),
+        Err(error @ (CheckpointError::Io { .. } | CheckpointError::Damaged { .. })) => Err(error.to_string()),
+    };
+    match restored {
+        Ok(mapper) => {
+            let (seq, _) = mapper.last_scan();
+            tracing::info!("goes on after scan {seq}");
+            mapper
+        }
+        Err(problem) => {
+            tracing::error!("starts with an empty map: {problem}");
+            Mapper::new(parameters)
+        }
+    }
+}
