@@ -31,7 +31,7 @@ pub(crate) struct Moment {
     /// Way covered since the start.
     pub(crate) covered_m: f64,
     /// Way to the nearer of the stand before and the stand ahead: 0 while standing.
-    pub(crate) from_stand_m: f64,
+    pub(crate) to_stand_m: f64,
 }
 
 /// A part of the way in which nothing changes.
@@ -131,7 +131,7 @@ impl Journey {
 
     /// Where the traveller is; before the start at the first place, after the end at the last.
     pub(crate) fn at(&self, time_s: f64) -> Moment {
-        let still = |pose, covered_m| Moment { pose, speed_m_s: 0.0, turn_rad_s: 0.0, covered_m, from_stand_m: 0.0 };
+        let still = |pose, covered_m| Moment { pose, speed_m_s: 0.0, turn_rad_s: 0.0, covered_m, to_stand_m: 0.0 };
         if time_s < self.start_s {
             return still(self.start, 0.0);
         }
@@ -144,7 +144,7 @@ impl Journey {
                     speed_m_s: stage.speed_m_s,
                     turn_rad_s: stage.turn_rad_s,
                     covered_m,
-                    from_stand_m: self.from_stand_m(covered_m),
+                    to_stand_m: self.to_stand_m(covered_m),
                 }
             }
             (None, Some(last)) => still(last.pose(last.end_s), last.covered_m + last.speed_m_s * (last.end_s - last.start_s)),
@@ -152,7 +152,7 @@ impl Journey {
         }
     }
 
-    fn from_stand_m(&self, covered_m: f64) -> f64 {
+    fn to_stand_m(&self, covered_m: f64) -> f64 {
         self.stands_m.iter().map(|stand_m| (stand_m - covered_m).abs()).fold(f64::INFINITY, f64::min)
     }
 }
@@ -200,7 +200,7 @@ mod tests {
         let way = [waypoint(2.0, 0.0, 1.0), waypoint(5.0, 0.0, 0.0)];
         let journey = Journey::new(4.0, Pose::default(), 1.0, Turning::AtOnce, &way);
         for (time_s, expected_m) in [(0.0, 0.0), (4.5, 0.5), (5.5, 0.5), (6.5, 0.0), (8.5, 1.5), (9.5, 0.5), (11.0, 0.0)] {
-            assert!((journey.at(time_s).from_stand_m - expected_m).abs() < 1e-9, "{time_s}");
+            assert!((journey.at(time_s).to_stand_m - expected_m).abs() < 1e-9, "{time_s}");
         }
         assert!((journey.at(99.0).covered_m - 5.0).abs() < 1e-9);
     }

@@ -109,3 +109,66 @@ fn link(device: &Path, name: &Path) -> io::Result<()> {
     std::os::unix::fs::symlink(device, &fresh)?;
     fs::rename(&fresh, name)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+
+    use rustix::event::{PollFd, PollFlags, poll};
+
+    use super::*;
+
+    fn client(name: &Path) -> fs::File {
+        fs::OpenOptions::new().read(true).write(true).open(name).unwrap()
+    }
+
+    fn wait(terminal: &Terminal) {
+        poll(&mut [PollFd::from_borrowed_fd(terminal.descriptor(), PollFlags::IN)], None).unwrap();
+    }
+
+    #[test]
+    fn bytes_pass_unchanged_both_ways_and_a_leaving_client_does_no_harm() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = folder.path().join("robot");
+        let terminal = Terminal::open(name.clone()).unwrap();
+        let every_byte: Vec<u8> = (0..=255).collect();
+        for _ in 0..3 {
+            let mut client = client(&name);
+            client.write_all(&every_byte).unwrap();
+            let mut heard = Vec::new();
+            while heard.len() < every_byte.len() {
+                wait(&terminal);
+                heard.extend(terminal.read().unwrap());
+            }
+            assert_eq!(heard, every_byte);
+            assert_eq!(terminal.write(&every_byte).unwrap(), 0);
+            let mut taken = vec![0; every_byte.len()];
+            client.read_exact(&mut taken).unwrap();
+            assert_eq!(taken, every_byte);
+            assert!(terminal.is_drained().unwrap());
+        }
+        assert!(terminal.read().unwrap().is_empty(), "nothing waits, and nothing blocks");
+    }
+
+    #[test]
+    fn what_nobody_takes_is_lost_and_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let terminal = Terminal::open(folder.path().join("robot")).unwrap();
+        let lost: usize = (0..100).map(|_| terminal.write(&[7; 1000]).unwrap()).sum();
+        assert!(lost > 50_000, "{lost} of 100000 bytes");
+        assert!(!terminal.is_drained().unwrap());
+    }
+
+    #[test]
+    fn a_later_terminal_takes_the_name_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = folder.path().join("robot");
+        std::os::unix::fs::symlink("/dev/null/gone", &name).unwrap();
+        let terminal = Terminal::open(name.clone()).unwrap();
+        client(&name).write_all(b"x").unwrap();
+        wait(&terminal);
+        assert_eq!(terminal.read().unwrap(), b"x");
+        drop(terminal);
+        assert!(!name.exists() && fs::read_dir(folder.path()).unwrap().next().is_none());
+    }
+}

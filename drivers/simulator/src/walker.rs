@@ -55,7 +55,7 @@ impl Walker {
     fn stride_m(&self, moment: &Moment) -> f64 {
         let phase = (moment.covered_m / (2.0 * self.step_m)).fract();
         let swing = 4.0 * (phase - 0.5).abs() - 1.0;
-        swing * (self.step_m / 2.0).min(moment.from_stand_m)
+        swing * (self.step_m / 2.0).min(moment.to_stand_m)
     }
 }
 

@@ -1,0 +1,185 @@
+//! The simulator as a process: a client at its pseudo-terminal, the truth on the bus.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Write};
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::thread;
+
+use bus::{Domain, Reader, Received, Shell};
+use messages::{TruthScan, TruthSurfaces};
+use psos::{Command, Deframer, Sip, number};
+use rustix::event::{PollFd, PollFlags, poll};
+use settings::Settings;
+
+/// Three metres towards a wall at 0.5 m/s, 6 s: so short that the terminal holds all of its packets and none is ever lost.
+const WORLD: &str = "
+    robot = { start_m = [1, 0], speed_m_s = 0.5, way = [{ to_m = [4, 0] }] }
+    wall = [{ along_m = [[6, -2], [6, 2]] }]
+";
+
+/// A deployment of nothing but the simulator, 20 times as fast as the wall clock.
+struct Deployment {
+    domain: Domain,
+    settings: Settings,
+    _folder: tempfile::TempDir,
+}
+
+fn deployment(name: &str) -> Deployment {
+    let folder = tempfile::tempdir().unwrap();
+    let world = folder.path().join("world.toml");
+    std::fs::write(&world, WORLD).unwrap();
+    let settings: Settings = Settings::parse("test", &SETTINGS.replace("WORLD", world.to_str().unwrap())).unwrap();
+    let domain = Domain::open(&format!("test-sim-{}-{name}", std::process::id()), 20.0).unwrap();
+    Deployment { domain, settings, _folder: folder }
+}
+
+const SETTINGS: &str = "
+    name = 'test'
+    [[process]]
+    name = 'robot'
+    run = 'simulator'
+    [[process]]
+    name = 'driver'
+    run = 'pioneer'
+    [simulator]
+    world = 'WORLD'
+";
+
+impl Deployment {
+    /// Starts the simulator; it may take a moment until its port is there.
+    fn start(&self) -> thread::JoinHandle<()> {
+        let membership = self.domain.membership_for("robot", 0, "settings.toml".as_ref());
+        let settings = self.settings.clone();
+        let work = move || stillmap_simulator::run(Shell::join(membership).unwrap(), &settings).unwrap();
+        thread::Builder::new().name("simulator".to_owned()).spawn(work).unwrap()
+    }
+
+    fn port(&self) -> std::path::PathBuf {
+        self.domain.directory().join(stillmap_simulator::PORT_NAME)
+    }
+}
+
+/// Waits for the simulator's port: its folder has no descriptor to wait on, so the processor is given away in between.
+fn connect(port: &Path) -> File {
+    loop {
+        if let Ok(client) = OpenOptions::new().read(true).write(true).open(port) {
+            return client;
+        }
+        thread::yield_now();
+    }
+}
+
+/// The data of the next packets; none when the robot has hung up.
+fn listen(client: &mut File, deframer: &mut Deframer) -> Vec<Vec<u8>> {
+    let mut bytes = [0; 4096];
+    loop {
+        poll(&mut [PollFd::new(&client.as_fd(), PollFlags::IN)], None).unwrap();
+        // A robot that hangs up is the end of the file or an error, by the moment.
+        let count = client.read(&mut bytes).unwrap_or(0);
+        let packets: Vec<_> = deframer.push(&bytes[..count]).into_iter().map(|frame| frame.data).collect();
+        if count == 0 || !packets.is_empty() {
+            return packets;
+        }
+    }
+}
+
+/// Opens the robot and takes its packets until it hangs up, and the truth beside them.
+fn ride(client: &mut File, truths: &mut Truths) -> Vec<Sip> {
+    let mut deframer = Deframer::new();
+    for step in [number::SYNC0, number::SYNC1, number::SYNC2] {
+        client.write_all(&Command::plain(step).encode().unwrap()).unwrap();
+        assert_eq!(listen(client, &mut deframer)[0][0], step);
+    }
+    client.write_all(&Command::plain(number::OPEN).encode().unwrap()).unwrap();
+    let mut sips = Vec::new();
+    loop {
+        let packets = listen(client, &mut deframer);
+        truths.take();
+        if packets.is_empty() {
+            return sips;
+        }
+        sips.extend(packets.iter().map(|data| Sip::decode(data).unwrap()));
+    }
+}
+
+/// What the bus tells.
+struct Truths {
+    scans: Reader<TruthScan>,
+    chunks: Reader<TruthSurfaces>,
+    surfaces: Vec<TruthSurfaces>,
+    taken: Vec<(u64, TruthScan)>,
+    ended: Option<u64>,
+}
+
+impl Truths {
+    fn of(deployment: &mut Deployment) -> Self {
+        Self {
+            scans: deployment.domain.reader().unwrap(),
+            chunks: deployment.domain.reader().unwrap(),
+            surfaces: Vec::new(),
+            taken: Vec::new(),
+            ended: None,
+        }
+    }
+
+    fn take(&mut self) {
+        while let Some(Received::Message(chunk)) = self.chunks.take().unwrap() {
+            self.surfaces.push(*chunk);
+        }
+        while let Some(received) = self.scans.take().unwrap() {
+            match received {
+                Received::Message(message) => self.taken.push((message.seq(), *message)),
+                Received::End { seq } => self.ended = Some(seq),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_client_rides_along_and_the_truth_is_told() {
+    let mut deployment = deployment("ride");
+    let mut truths = Truths::of(&mut deployment);
+    let simulator = deployment.start();
+    let sips = ride(&mut connect(&deployment.port()), &mut truths);
+    simulator.join().unwrap();
+
+    assert_eq!(sips.len(), 60, "6 s, ten a second, none lost");
+    assert_eq!(truths.taken.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), (1..=60).collect::<Vec<_>>());
+    assert_eq!(truths.ended, Some(60));
+    for (sip, (seq, truth)) in sips.iter().zip(&truths.taken) {
+        let claimed = (truth.odometry.x_m * 1000.0 / 0.05066).round().rem_euclid(32768.0);
+        assert_eq!(f64::from(sip.x), claimed, "packet {seq}");
+        assert!((truth.pose.x_m - truth.odometry.x_m - 1.0).abs() < 1e-9);
+        let ranges: Vec<f64> = sip.readings.iter().map(|reading| f64::from(reading.range) * 0.1734 / 1000.0).collect();
+        let told: Vec<f64> = truth.readings[..truth.count as usize].iter().map(|reading| reading.range_m).collect();
+        assert_eq!(ranges, told, "packet {seq}");
+    }
+    let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
+    assert_eq!(chunks, [(1, 1, 1.0)]);
+    drop(truths);
+    assert!(!deployment.port().exists());
+    deployment.domain.close().unwrap();
+}
+
+#[test]
+fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
+    let mut deployment = deployment("kill");
+    let mut truths = Truths::of(&mut deployment);
+    // What an earlier incarnation left behind that was killed after 40 packets, 38 of them sent.
+    let membership = deployment.domain.membership_for("robot", 0, "settings.toml".as_ref());
+    let state: Vec<u8> = [40_u64, 38].iter().flat_map(|number| number.to_le_bytes()).collect();
+    Shell::join(membership).unwrap().checkpoint().save(&state).unwrap();
+
+    let simulator = deployment.start();
+    let sips = ride(&mut connect(&deployment.port()), &mut truths);
+    simulator.join().unwrap();
+
+    assert_eq!(sips.len(), 20);
+    assert_eq!((truths.taken[0].0, truths.ended), (39, Some(58)));
+    assert!((truths.taken[0].1.odometry.x_m - 41.0 * 0.05).abs() < 1e-9, "the world remembers");
+    assert_eq!(f64::from(sips[0].x), (50.0_f64 / 0.05066).round(), "the robot has forgotten: 5 cm since it was switched on");
+    drop(truths);
+    deployment.domain.close().unwrap();
+}
