@@ -1,5 +1,5 @@
 //! Whole drives: rhythm, order of firing, truth, and that nothing depends on anything but world, robot and seed.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![expect(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking")]
 
 use messages::{EchoLabel, Payload, TruthScan};
 use proptest::prelude::*;

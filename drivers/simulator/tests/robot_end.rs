@@ -1,5 +1,5 @@
 //! The robot's end of the line against recorded clients, broken clients, and any bytes at all.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 use messages::Pose;
 use proptest::prelude::*;
