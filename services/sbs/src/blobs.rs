@@ -1,0 +1,103 @@
+//! BLOB_mov: which components of the mask are things that move.
+
+use crate::components::{Component, Components, Run};
+use crate::model::{Model, SET};
+use crate::morphology;
+use crate::plane::Plane;
+
+/// What is a blob.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlobRule {
+    /// Smallest size in a picture 160 wide, px; it grows with the square of the width.
+    pub size_min: f32,
+    /// Smallest mean thickness in a picture 160 wide, px.
+    pub thickness_min: f32,
+    /// Smallest share of its pixels on the last mask.
+    pub overlap_min: f32,
+    /// Smallest share of its pixels where the compensated frame difference is not still.
+    pub motion_min: f32,
+    /// Smallest share of its pixels that no model pixel next to them explains either: an edge that is out of place by a pixel is
+    /// no walker (the region of eq. 6, one pixel wide).
+    pub firm_min: f32,
+}
+
+impl Default for BlobRule {
+    fn default() -> Self {
+        Self { size_min: 40.0, thickness_min: 3.0, overlap_min: 0.1, motion_min: 0.1, firm_min: 0.5 }
+    }
+}
+
+/// What the tests of a frame's components rest on.
+pub(crate) struct Evidence<'a> {
+    pub(crate) mask: &'a Plane<u8>,
+    /// The last frame's mask, dilated by what a thing moves in a frame.
+    pub(crate) last: &'a Plane<u8>,
+    /// Where the compensated frame difference is not still.
+    pub(crate) moved: &'a Plane<u8>,
+    pub(crate) picture: &'a Plane<f32>,
+    pub(crate) model: &'a Model,
+    pub(crate) k: f32,
+}
+
+/// Counts over the pixels of a component.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    overlap: u32,
+    moved: u32,
+    firm: u32,
+    inner: u32,
+}
+
+/// The components that pass all tests, largest first, and the mask of their pixels.
+pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &BlobRule) -> (Vec<Component>, Plane<u8>) {
+    let (width, height) = (evidence.mask.width(), evidence.mask.height());
+    let unit = width as f32 / 160.0;
+    let size_min = rule.size_min * unit * unit;
+    let large: Vec<bool> = components.list.iter().map(|c| c.size as f32 >= size_min).collect();
+    let inner = morphology::eroded(evidence.mask);
+    let mut tallies = vec![Tally::default(); components.list.len()];
+    for run in components.runs.iter().filter(|r| large[r.component]) {
+        let tally = &mut tallies[run.component];
+        let set = |plane: &Plane<u8>| plane.row(run.row)[run.start..run.end].iter().map(|&p| u32::from(p & 1)).sum::<u32>();
+        tally.overlap += set(evidence.last);
+        tally.moved += set(evidence.moved);
+        tally.inner += set(&inner);
+        tally.firm += firm(run, evidence);
+    }
+    let passes = |k: usize| {
+        let (tally, size) = (&tallies[k], components.list[k].size as f32);
+        // A strip of thickness t and length l has t l pixels, (t − 2) l of them inside.
+        let thickness = 2.0 * size / (size - tally.inner as f32).max(1.0);
+        large[k]
+            && thickness >= rule.thickness_min * unit
+            && tally.overlap as f32 >= rule.overlap_min * size
+            && tally.moved as f32 >= rule.motion_min * size
+            && tally.firm as f32 >= rule.firm_min * size
+    };
+    let kept: Vec<bool> = (0..components.list.len()).map(passes).collect();
+    let mut mask = Plane::filled(width, height, 0_u8);
+    for run in components.runs.iter().filter(|r| kept[r.component]) {
+        mask.row_mut(run.row)[run.start..run.end].fill(SET);
+    }
+    let mut blobs: Vec<Component> = components.list.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(c, _)| *c).collect();
+    blobs.sort_by_key(|c| std::cmp::Reverse(c.size));
+    (blobs, mask)
+}
+
+/// Pixels of a run that neither B of the pixel itself nor that of its eight neighbours explains.
+fn firm(run: &Run, evidence: &Evidence<'_>) -> u32 {
+    let (mean, variance) = (&evidence.model.background.mean, &evidence.model.background.variance);
+    let (width, height) = (mean.width(), mean.height());
+    let z = &evidence.picture.row(run.row)[run.start..run.end];
+    let k2 = evidence.k * evidence.k;
+    let rows = run.row.saturating_sub(1)..(run.row + 2).min(height);
+    let explained = |(i, z): (usize, &f32)| {
+        let u = run.start + i;
+        let columns = u.saturating_sub(1)..(u + 2).min(width);
+        rows.clone().any(|v| {
+            let near = mean.row(v)[columns.clone()].iter().zip(&variance.row(v)[columns.clone()]);
+            near.into_iter().any(|(m, variance)| (z - m) * (z - m) <= k2 * variance)
+        })
+    };
+    z.iter().enumerate().filter(|&x| !explained(x)).count() as u32
+}
