@@ -22,7 +22,7 @@ pub const PORT_NAME: &str = "robot";
 const CATCH_UP_PACKETS: usize = 32;
 
 /// How long, by the wall clock, a client may take to read the last packets after the end of the drive.
-const FAREWELL: Duration = Duration::from_secs(2);
+const FAREWELL: Duration = Duration::from_secs(5);
 
 /// How often, by the wall clock, to look whether it has.
 const FAREWELL_LOOK: Duration = Duration::from_millis(10);
@@ -161,7 +161,7 @@ impl Process {
             if !self.make_packet(due_ns)? {
                 let farewell_ns = (FAREWELL.as_nanos() as f64 * self.speed) as u64;
                 self.clock = WorldClock::Over { until_ns: now_ns.saturating_add(farewell_ns) };
-                break;
+                return Ok(Next::WaitAtMost(FAREWELL_LOOK));
             }
         }
         Ok(Next::Again)

@@ -82,7 +82,7 @@ impl Terminal {
         Ok(0)
     }
 
-    /// Whether clients have taken everything that was sent.
+    /// Whether clients have taken everything that has reached their end; what was written a moment ago may be on its way still.
     ///
     /// # Errors
     /// When the terminal fails.
@@ -153,9 +153,12 @@ mod tests {
     #[test]
     fn what_nobody_takes_is_lost_and_counted() {
         let folder = tempfile::tempdir().unwrap();
-        let terminal = Terminal::open(folder.path().join("robot")).unwrap();
+        let name = folder.path().join("robot");
+        let terminal = Terminal::open(name.clone()).unwrap();
         let lost: usize = (0..100).map(|_| terminal.write(&[7; 1000]).unwrap()).sum();
         assert!(lost > 50_000, "{lost} of 100000 bytes");
+        let client = client(&name);
+        poll(&mut [PollFd::new(&client, PollFlags::IN)], None).unwrap();
         assert!(!terminal.is_drained().unwrap());
     }
 

@@ -1,5 +1,5 @@
 //! The simulator as a process: a client at its pseudo-terminal, the truth on the bus.
-#![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
+#![expect(clippy::unwrap_used, clippy::float_cmp, reason = "tests fail by panicking")]
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
