@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use crate::damage::LogError;
-use crate::log::{Log, Outcome, Part, is_sequenced};
+use crate::log::{Log, Outcome, Part};
 use crate::part::Ending;
 use crate::preamble::Preamble;
 
@@ -34,9 +34,9 @@ pub struct ChannelInfo {
     pub schema: String,
     /// Number of its messages.
     pub messages: u64,
-    /// Earliest stamp.
+    /// Its earliest message on the log's time line.
     pub first_ns: u64,
-    /// Latest stamp.
+    /// Its latest message on the log's time line.
     pub last_ns: u64,
 }
 
@@ -52,7 +52,7 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
         match log.advance() {
             Ok(true) => {
                 let Some(message) = log.message() else { continue };
-                let stamp = message.stamp_ns;
+                let stamp = message.log_ns;
                 match channels.get_mut(&message.channel.topic) {
                     Some(channel) => {
                         channel.messages += 1;
@@ -79,14 +79,12 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
 }
 
 impl Info {
-    /// First and last stamp of the numbered streams, ns of sensor time; of everything when there is none.
+    /// First and last message on the log's time line, ns of sensor time.
     #[must_use]
     pub fn span_ns(&self) -> Option<(u64, u64)> {
-        let span = |wanted: &dyn Fn(&str) -> bool| {
-            let channels = || self.channels.iter().filter(|(topic, _)| wanted(topic)).map(|(_, channel)| channel);
-            Some((channels().map(|channel| channel.first_ns).min()?, channels().map(|channel| channel.last_ns).max()?))
-        };
-        span(&is_sequenced).or_else(|| span(&|_| true))
+        let first = self.channels.values().map(|channel| channel.first_ns).min()?;
+        let last = self.channels.values().map(|channel| channel.last_ns).max()?;
+        Some((first, last))
     }
 
     /// Whether every file ends as it should and everything can be read.

@@ -2,9 +2,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod damage;
+#[cfg(test)]
+mod damage_tests;
 mod deframer;
 mod fields;
 mod info;
+mod line;
 mod log;
 mod logged;
 mod mirror;

@@ -62,6 +62,8 @@ pub struct Log {
     preamble: Preamble,
     current: Option<(PathBuf, u64, PartReader<File>)>,
     waiting: VecDeque<PathBuf>,
+    /// Size of the files that wait, bytes.
+    waiting_bytes: u64,
     parts: Vec<Part>,
     /// The last message of each numbered stream: a restarted recorder is given again what it had before.
     last: BTreeMap<String, u32>,
@@ -82,7 +84,9 @@ impl Log {
             match PartReader::new(file) {
                 Ok(reader) => {
                     let preamble = reader.preamble().clone();
-                    return Ok(Self { preamble, current: Some((path, bytes, reader)), waiting, parts, last: BTreeMap::new() });
+                    let waiting_bytes = waiting.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum();
+                    let current = Some((path, bytes, reader));
+                    return Ok(Self { preamble, current, waiting, waiting_bytes, parts, last: BTreeMap::new() });
                 }
                 Err(fault @ Fault::CutAtStart { .. }) => {
                     let Some(following) = waiting.pop_front() else { return Err(LogError::at(&path)(fault)) };
@@ -130,6 +134,14 @@ impl Log {
         Ok(None)
     }
 
+    /// Bytes that have been read, and bytes of all files.
+    #[must_use]
+    pub fn position(&self) -> (u64, u64) {
+        let closed: u64 = self.parts.iter().map(|part| part.bytes).sum();
+        let (read, bytes) = self.current.as_ref().map_or((0, 0), |(_, bytes, reader)| (reader.offset(), *bytes));
+        (closed + read, closed + bytes + self.waiting_bytes)
+    }
+
     /// Goes on to the next message of any topic; false at the end of the log.
     ///
     /// # Errors
@@ -157,6 +169,7 @@ impl Log {
     fn open_next(&mut self) -> Result<bool, LogError> {
         while let Some(path) = self.waiting.pop_front() {
             let (bytes, file) = open(&path)?;
+            self.waiting_bytes = self.waiting_bytes.saturating_sub(bytes);
             let outcome = match PartReader::new(file) {
                 Ok(reader) if reader.preamble().run == self.preamble.run => {
                     self.current = Some((path, bytes, reader));
@@ -213,7 +226,7 @@ impl Log {
 }
 
 /// Whether the messages of a topic are one numbered stream.
-pub(crate) fn is_sequenced(topic: &str) -> bool {
+fn is_sequenced(topic: &str) -> bool {
     const SERVICES: [Service; 6] =
         [SonarScan::SERVICE, SonarMotion::SERVICE, CameraMotion::SERVICE, FilterVerdict::SERVICE, TruthScan::SERVICE, FRAME_SERVICE];
     topic == POSE_TOPIC || SERVICES.iter().any(|service| service.sequenced && service.name == topic)

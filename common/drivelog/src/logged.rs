@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
-use messages::{Invalid, MapTile, Payload};
+use messages::{Invalid, LogLine, MapTile, Payload};
 
 use crate::mirror::{Mirrored, Unfit};
-use crate::tile;
+use crate::{line, tile};
 
 /// What a channel of a log says of its messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -109,6 +109,20 @@ impl Logged for MapTile {
 
     fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
         tile::decode(data)
+    }
+}
+
+impl Logged for LogLine {
+    fn format() -> Format {
+        protobuf_format::<foxglove::messages::Log>()
+    }
+
+    fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
+        line::encode(self, seq, stamp_ns)
+    }
+
+    fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
+        line::decode(data)
     }
 }
 

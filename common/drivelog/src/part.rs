@@ -43,6 +43,8 @@ pub struct RawMessage<'a> {
     pub sequence: u32,
     /// Its stamp.
     pub stamp_ns: u64,
+    /// Its place on the log's time line: the stamp if that is sensor time, else the sensor time when it was recorded.
+    pub log_ns: u64,
     /// The message.
     pub data: &'a [u8],
     /// Where the chunk that holds it starts in the file.
@@ -67,6 +69,7 @@ pub(crate) struct PartReader<R> {
 struct Place {
     channel: u16,
     sequence: u32,
+    log_ns: u64,
     stamp_ns: u64,
     data: Range<usize>,
 }
@@ -82,6 +85,11 @@ impl<R: Read> PartReader<R> {
 
     pub(crate) fn preamble(&self) -> &Preamble {
         &self.preamble
+    }
+
+    /// Bytes of the file that have been read.
+    pub(crate) fn offset(&self) -> u64 {
+        self.records.offset()
     }
 
     /// How the file ends; none before its end was reached.
@@ -107,10 +115,10 @@ impl<R: Read> PartReader<R> {
 
     /// The message that was last gone on to.
     pub(crate) fn message(&self) -> Option<RawMessage<'_>> {
-        let Place { channel, sequence, stamp_ns, data } = self.place.as_ref()?;
+        let Place { channel, sequence, log_ns, stamp_ns, data } = self.place.as_ref()?;
         let channel = self.channels.get(channel)?;
         let data = self.chunk.get(data.clone())?;
-        Some(RawMessage { channel, sequence: *sequence, stamp_ns: *stamp_ns, data, offset: self.chunk_offset })
+        Some(RawMessage { channel, sequence: *sequence, stamp_ns: *stamp_ns, log_ns: *log_ns, data, offset: self.chunk_offset })
     }
 
     /// Makes the records of a chunk the current ones.
@@ -120,13 +128,9 @@ impl<R: Read> PartReader<R> {
         self.chunk.clear();
         match record.opcode {
             opcode::CHUNK => self.chunk = unpack(&record)?,
-            // A file without chunks: as a chunk of one record.
-            opcode::SCHEMA | opcode::CHANNEL | opcode::MESSAGE => {
-                self.chunk.push(record.opcode);
-                self.chunk.extend((record.body.len() as u64).to_le_bytes());
-                self.chunk.extend(record.body);
-            }
-            // The index behind the data repeats what was read.
+            // Not among what is written; one that is found is another record with a changed bit, and has no checksum.
+            opcode::MESSAGE => return Err(damage(&record, "a message by itself", "messages in chunks")),
+            // The index of what was read.
             _ => {}
         }
         Ok(())
@@ -176,9 +180,9 @@ impl<R: Read> PartReader<R> {
 
 /// A message whose bytes reach up to `end` of the chunk.
 fn place(fields: &mut Fields<'_>, end: usize) -> Option<Place> {
-    let (channel, sequence, stamp_ns) = (fields.u16()?, fields.u32()?, fields.u64()?);
-    fields.u64()?;
-    Some(Place { channel, sequence, stamp_ns, data: end - fields.0.len()..end })
+    let (channel, sequence) = (fields.u16()?, fields.u32()?);
+    let (log_ns, stamp_ns) = (fields.u64()?, fields.u64()?);
+    Some(Place { channel, sequence, log_ns, stamp_ns, data: end - fields.0.len()..end })
 }
 
 fn read_preamble(records: &mut RecordReader<impl Read>) -> Result<Preamble, Fault> {

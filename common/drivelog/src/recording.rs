@@ -1,6 +1,6 @@
 //! What goes into a log: the messages, and what is derived from them for people.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use foxglove::Encode;
 use messages::{MapTile, Payload, SonarScan};
@@ -9,7 +9,7 @@ use crate::damage::WriteError;
 use crate::logged::{Logged, protobuf_format};
 use crate::preamble::Preamble;
 use crate::views::{POSE_TOPIC, Picture, pose_of};
-use crate::writer::LogWriter;
+use crate::writer::{LogWriter, Times};
 
 /// Writes the log of a drive into memory; whoever holds it brings the bytes to where they belong.
 ///
@@ -21,7 +21,17 @@ pub struct Recording {
     pictures: BTreeMap<u32, Picture>,
     /// Number and stamp of the last tile.
     last_tile: (u64, u64),
+    /// The latest sensor stamp.
+    now_ns: Option<u64>,
+    /// Reports before the first sensor stamp.
+    early: VecDeque<Held>,
 }
+
+/// Reports that are held until there is a sensor stamp; of more, the oldest go.
+const MAX_EARLY: usize = 256;
+
+/// A report that writes itself once its place on the time line is known.
+type Held = Box<dyn FnOnce(&mut LogWriter, u64) -> Result<(), WriteError>>;
 
 impl Recording {
     /// A log that starts with what its replay needs.
@@ -29,15 +39,39 @@ impl Recording {
     /// # Errors
     /// When the preamble is too large for the format.
     pub fn new(preamble: &Preamble) -> Result<Self, WriteError> {
-        Ok(Self { log: LogWriter::new(preamble)?, pictures: BTreeMap::new(), last_tile: (0, 0) })
+        Ok(Self { log: LogWriter::new(preamble)?, pictures: BTreeMap::new(), last_tile: (0, 0), now_ns: None, early: VecDeque::new() })
     }
 
-    /// Adds a message.
+    /// Adds a message whose stamp is sensor time.
     ///
     /// # Errors
     /// When the log has more channels than the format allows.
     pub fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
-        self.log.message(seq, stamp_ns, payload)
+        self.log.message(seq, stamp_ns, payload)?;
+        self.come_to(stamp_ns)
+    }
+
+    /// Adds a message about the deployment itself, whose stamp is none or the wall's: it stands among the sensor messages that
+    /// came before it, so that a replay's log has one time line. Until the first of these it is held back.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn report<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
+        if let Some(log_ns) = self.now_ns {
+            return self.log.report(log_ns, seq, stamp_ns, payload);
+        }
+        if self.early.len() == MAX_EARLY {
+            self.early.pop_front();
+        }
+        let payload = *payload;
+        self.early.push_back(Box::new(move |log, log_ns| log.report(log_ns, seq, stamp_ns, &payload)));
+        Ok(())
+    }
+
+    /// The log's time line has come to this stamp.
+    fn come_to(&mut self, stamp_ns: u64) -> Result<(), WriteError> {
+        self.now_ns = self.now_ns.max(Some(stamp_ns));
+        self.early.drain(..).try_for_each(|report| report(&mut self.log, stamp_ns))
     }
 
     /// Adds a scan, and its pose as Foxglove shows it.
@@ -45,7 +79,7 @@ impl Recording {
     /// # Errors
     /// As [`message`](Self::message).
     pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), WriteError> {
-        self.log.message(seq, stamp_ns, scan)?;
+        self.message(seq, stamp_ns, scan)?;
         self.show(POSE_TOPIC, seq, stamp_ns, &pose_of(scan, stamp_ns))
     }
 
@@ -54,7 +88,7 @@ impl Recording {
     /// # Errors
     /// As [`message`](Self::message).
     pub fn tile(&mut self, seq: u64, stamp_ns: u64, tile: &MapTile) -> Result<(), WriteError> {
-        self.log.message(seq, stamp_ns, tile)?;
+        self.message(seq, stamp_ns, tile)?;
         self.last_tile = (seq, stamp_ns);
         let picture = self.pictures.entry(tile.layer).or_default();
         picture.take(tile);
@@ -92,6 +126,7 @@ impl Recording {
         for layer in stale {
             self.show_picture(layer)?;
         }
+        self.come_to(0)?;
         self.log.finish()
     }
 
@@ -107,7 +142,7 @@ impl Recording {
         let mut data = Vec::new();
         // Fails when the buffer is too small; this one grows.
         if message.encode(&mut data).is_ok() {
-            self.log.raw(topic, protobuf_format::<M>, seq as u32, stamp_ns, &data)?;
+            self.log.raw(topic, protobuf_format::<M>, Times::of(stamp_ns), seq as u32, &data)?;
         }
         Ok(())
     }

@@ -42,6 +42,11 @@ impl<R: Read> RecordReader<R> {
         Self { source, read: vec![0; READ], deframer: Deframer::new(), ending: None }
     }
 
+    /// Bytes of the file that have been read as records.
+    pub(crate) fn offset(&self) -> u64 {
+        self.deframer.offset()
+    }
+
     /// How the file ends; none before its end was reached.
     pub(crate) fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
@@ -159,7 +164,7 @@ pub(crate) fn unpack(record: &Record) -> Result<Vec<u8>, Damage> {
         other => return Err(wrong(format!("compression {other:?}"), "lz4 or none")),
     };
     let calculated = crc32fast::hash(&content);
-    if content.len() as u64 != size || (crc != 0 && crc != calculated) {
+    if content.len() as u64 != size || crc != calculated {
         let found = format!("a chunk of {} bytes with checksum {calculated:08x}", content.len());
         return Err(wrong(found, &format!("{size} bytes with checksum {crc:08x}")));
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::damage::{Fault, LogError};
 use crate::log::Log;
-use crate::writer::LogWriter;
+use crate::writer::{LogWriter, Times};
 
 /// What became of a recovery.
 #[derive(Debug)]
@@ -42,7 +42,8 @@ fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
             Ok(true) => {
                 let Some(message) = log.message() else { continue };
                 let format = || message.channel.format.clone();
-                writer.raw(&message.channel.topic, format, message.sequence, message.stamp_ns, message.data)?;
+                let times = Times { log_ns: message.log_ns, stamp_ns: message.stamp_ns };
+                writer.raw(&message.channel.topic, format, times, message.sequence, message.data)?;
                 recovered.messages += 1;
                 recovered.bytes += append(file, &writer.take())?;
             }

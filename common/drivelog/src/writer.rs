@@ -30,6 +30,22 @@ pub(crate) struct End {
     pub(crate) seq: u64,
 }
 
+/// When a message was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Times {
+    /// Its place on the log's time line, which is sensor time.
+    pub(crate) log_ns: u64,
+    /// Its stamp.
+    pub(crate) stamp_ns: u64,
+}
+
+impl Times {
+    /// Of a message whose stamp is sensor time.
+    pub(crate) fn of(stamp_ns: u64) -> Self {
+        Self { log_ns: stamp_ns, stamp_ns }
+    }
+}
+
 /// Writes a log into memory; whoever holds it brings the bytes to where they belong.
 ///
 /// What [`take`](Self::take) gives after a [`flush`](Self::flush) is, with all that was taken before, a log that can be read
@@ -79,7 +95,15 @@ impl LogWriter {
     /// # Errors
     /// When the log has more channels than the format allows.
     pub(crate) fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
-        self.raw(T::SERVICE.name, T::format, seq as u32, stamp_ns, &payload.encode(seq, stamp_ns))
+        self.raw(T::SERVICE.name, T::format, Times::of(stamp_ns), seq as u32, &payload.encode(seq, stamp_ns))
+    }
+
+    /// Adds a message whose stamp is not sensor time: on the log's time line it stands at `log_ns`.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub(crate) fn report<T: Logged>(&mut self, log_ns: u64, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
+        self.raw(T::SERVICE.name, T::format, Times { log_ns, stamp_ns }, seq as u32, &payload.encode(seq, stamp_ns))
     }
 
     /// Adds that the stream of a service ends after message `seq`.
@@ -90,7 +114,7 @@ impl LogWriter {
         let end = End { service: T::SERVICE.name.to_owned(), seq };
         // Fails for maps whose keys are no text; this has none.
         let data = serde_json::to_vec(&end).unwrap_or_default();
-        self.raw(END_TOPIC, || json_format::<End>("End"), seq as u32, stamp_ns, &data)
+        self.raw(END_TOPIC, || json_format::<End>("End"), Times::of(stamp_ns), seq as u32, &data)
     }
 
     /// Adds a message as bytes.
@@ -98,15 +122,15 @@ impl LogWriter {
         &mut self,
         topic: &str,
         format: impl FnOnce() -> Format,
+        times: Times,
         sequence: u32,
-        stamp_ns: u64,
         data: &[u8],
     ) -> Result<(), WriteError> {
         let channel_id = match self.channels.get(topic) {
             Some(id) => *id,
             None => self.add_channel(topic, &format())?,
         };
-        let header = MessageHeader { channel_id, sequence, log_time: stamp_ns, publish_time: stamp_ns };
+        let header = MessageHeader { channel_id, sequence, log_time: times.log_ns, publish_time: times.stamp_ns };
         Ok(self.writer.write_to_known_channel(&header, data)?)
     }
 

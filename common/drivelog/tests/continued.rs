@@ -1,5 +1,5 @@
 //! A log in parts: a recorder that was killed goes on in the next file.
-#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod payloads;
 
@@ -14,7 +14,7 @@ fn write(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bo
     for seq in scans {
         let scan = SonarScan::new(messages::Pose { x_m: (seq % 100) as f64, ..Default::default() }, &[], false);
         recording.scan(seq, seq * 40_000_000, &scan).unwrap();
-        recording.message(1, seq, &Heartbeat::default()).unwrap();
+        recording.report(1, seq, &Heartbeat::default()).unwrap();
     }
     recording.flush().unwrap();
     let mut bytes = recording.take();

@@ -1,11 +1,11 @@
 //! Every payload comes back from a log as it went in, bit for bit, with its number and its stamp.
-#![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod payloads;
 
 use messages::{
-    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan, TruthScan,
-    TruthSurfaces, WayChunk,
+    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
+    TruthScan, TruthSurfaces, WayChunk,
 };
 use proptest::prelude::*;
 use stillmap_drivelog::{Entry, Log, Logged, Recording};
@@ -38,6 +38,7 @@ every_payload! {
     heartbeat: Heartbeat,
     progress: Progress,
     deployment_status: DeploymentStatus,
+    log_line: LogLine,
     truth_scan: TruthScan,
     truth_surfaces: TruthSurfaces,
 }
@@ -73,7 +74,7 @@ proptest! {
         let mut recording = Recording::new(&payloads::preamble(1)).unwrap();
         for (seq, (stamp_ns, scan)) in (first..).zip(&scans) {
             recording.scan(seq, *stamp_ns, scan).unwrap();
-            recording.message(1, *stamp_ns, &Progress::default()).unwrap();
+            recording.report(1, 0, &Progress::default()).unwrap();
         }
         for tile in &tiles {
             recording.tile(9, 8, tile).unwrap();
@@ -99,5 +100,24 @@ proptest! {
         }
         prop_assert_eq!(log.next_of::<MapTile>().unwrap(), None);
         prop_assert_eq!(stillmap_drivelog::info(&path).unwrap().channels.get(SonarScan::SERVICE.name).map_or(0, |c| c.messages), scans.len() as u64);
+    }
+}
+
+/// Heartbeats carry no sensor time: a log must not seem to begin in 1970 for their sake.
+#[test]
+fn reports_stand_among_the_sensor_messages_before_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut recording = Recording::new(&payloads::preamble(1)).unwrap();
+    recording.report(1, 0, &Progress::default()).unwrap();
+    recording.scan(1, 5_000, &SonarScan::default()).unwrap();
+    recording.report(2, 9_999, &Progress::default()).unwrap();
+    recording.scan(2, 6_000, &SonarScan::default()).unwrap();
+    std::fs::write(&path, recording.finish().unwrap()).unwrap();
+    assert_eq!(stillmap_drivelog::info(&path).unwrap().span_ns(), Some((5_000, 6_000)));
+    let mut log = Log::open(&path).unwrap();
+    for expected in [(1, 0), (2, 9_999)] {
+        let Some(Entry::Message { seq, stamp_ns, .. }) = log.next_of::<Progress>().unwrap() else { panic!("a report") };
+        assert_eq!((seq, stamp_ns), expected);
     }
 }

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its part")]
 
 use messages::{
-    Blob, CameraMotion, Counter, DeploymentStatus, FilterVerdict, Heartbeat, InputCounters, MapSummary, MapTile, Mover, Pose,
+    Blob, CameraMotion, Counter, DeploymentStatus, FilterVerdict, Heartbeat, InputCounters, LogLine, MapSummary, MapTile, Mover, Pose,
     ProcessStatus, Progress, SonarMotion, SonarReading, SonarScan, Surface, TILE_CELLS, Text, TrueReading, TruthScan, TruthSurfaces,
     UpdateRegion, WayChunk,
 };
@@ -62,6 +62,7 @@ macro_rules! arbitrary {
 }
 
 arbitrary! {
+    LogLine { process: text(), message: text(), level: 1..=4u32 }
     Pose { x_m: -1e6..=1e6, y_m: -1e6..=1e6, yaw_rad: number() }
     Mover {
         robot_x_m: number(), robot_y_m: number(), map_x_m: number(), map_y_m: number(), velocity_x_m_s: number(),
