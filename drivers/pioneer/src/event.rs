@@ -53,8 +53,13 @@ pub enum Event {
     RobotRestarted,
     /// The sonars do not fire; they have been told to.
     SonarsOff,
-    /// A packet's odometry is beyond the limits.
-    OdometryRefused(Step),
+    /// A packet's odometry is beyond the limits. Said for the 1st, 2nd, 4th, 8th …
+    OdometryRefused {
+        /// What it claims.
+        step: Step,
+        /// Packets refused so far.
+        refused: u64,
+    },
 }
 
 impl Event {
@@ -87,10 +92,11 @@ impl std::fmt::Display for Event {
             Self::LinkLost { silence_s } => write!(f, "link lost: no packet for {silence_s:.1} s; connecting anew"),
             Self::RobotRestarted => write!(f, "the robot has been switched off and on; connecting anew"),
             Self::SonarsOff => write!(f, "the sonars do not fire; told them to"),
-            Self::OdometryRefused(Step::Refused { distance_m, turn_rad, elapsed_s }) => {
-                write!(f, "refused odometry: {distance_m:.3} m and {turn_rad:.3} rad in {elapsed_s:.3} s are beyond the limits")
-            }
-            Self::OdometryRefused(_) => write!(f, "refused odometry"),
+            Self::OdometryRefused { step: Step::Refused { distance_m, turn_rad, elapsed_s }, refused } => write!(
+                f,
+                "refused odometry ({refused} so far): {distance_m:.3} m and {turn_rad:.3} rad in {elapsed_s:.3} s is no motion of this robot"
+            ),
+            Self::OdometryRefused { refused, .. } => write!(f, "refused odometry ({refused} so far)"),
         }
     }
 }

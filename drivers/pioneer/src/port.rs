@@ -43,11 +43,14 @@ impl Port {
         self.tty.clear(ClearBuffer::Input)
     }
 
-    /// Takes bytes that have come; 0 when there are none.
+    /// Takes bytes that have come; 0 when there are none, or no room.
     ///
     /// # Errors
     /// When the device is gone.
     pub(crate) fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if bytes.is_empty() {
+            return Ok(0);
+        }
         match self.tty.read(bytes) {
             Ok(0) => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "hung up")),
             Err(error) if is_nothing(&error) => Ok(0),

@@ -52,7 +52,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
     }
     let session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, speed), kept);
     let checkpoint = shell.checkpoint();
-    let mut process = Process { path, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, unsaved: false, speed };
+    let simulated = settings.pioneer.port == PortSetting::Simulator;
+    let mut process =
+        Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, unsaved: false, speed };
     Ok(shell.run(&mut process)?)
 }
 
@@ -69,6 +71,8 @@ fn load(checkpoint: &bus::Checkpoint) -> Option<Checkpoint> {
 
 struct Process {
     path: PathBuf,
+    /// The port is the simulator's, which comes and goes with it: nothing to warn of.
+    simulated: bool,
     port: Option<Port>,
     /// Why there is no port, as it was last said.
     trouble: Option<String>,
@@ -105,21 +109,28 @@ impl bus::Process for Process {
 }
 
 impl Process {
-    /// Takes what has come over the line. Returns whether there may be more.
+    /// Takes what has come over the line, at once: how many packets waited together tells when they came. Returns whether there
+    /// may be more.
     fn read(&mut self, context: &Context<'_>) -> Result<bool, StepError> {
-        let mut bytes = [0; 1024];
-        for _ in 0..MOST_AT_ONCE / bytes.len() {
-            let Some(port) = &mut self.port else { return Ok(false) };
-            match port.read(&mut bytes) {
-                Ok(0) => return Ok(false),
-                Ok(count) => self.feed(Input::Bytes(&bytes[..count]), context.now_ns())?,
-                Err(error) => {
-                    self.vanish(&error.to_string(), context.now_ns())?;
-                    return Ok(false);
-                }
+        let Some(port) = &mut self.port else { return Ok(false) };
+        let mut bytes = vec![0; MOST_AT_ONCE];
+        let mut count = 0;
+        let end = loop {
+            match port.read(&mut bytes[count..]) {
+                Ok(0) => break None,
+                Ok(more) => count += more,
+                Err(error) => break Some(error),
             }
+        };
+        if count > 0 {
+            self.feed(Input::Bytes(&bytes[..count]), context.now_ns())?;
         }
-        Ok(true)
+        match end {
+            Some(error) => self.vanish(&error.to_string(), context.now_ns())?,
+            None if count == MOST_AT_ONCE => return Ok(true),
+            None => {}
+        }
+        Ok(false)
     }
 
     /// Tries to open the port. Without one the loop comes by a few times a second.
@@ -146,13 +157,19 @@ impl Process {
         };
         let trouble = format!("cannot open {}: {error}{advice}", self.path.display());
         if self.trouble.as_ref() != Some(&trouble) {
-            tracing::warn!("{trouble}; still trying");
+            match self.simulated {
+                true => tracing::info!("{trouble}; still trying"),
+                false => tracing::warn!("{trouble}; still trying"),
+            }
             self.trouble = Some(trouble);
         }
     }
 
     fn vanish(&mut self, why: &str, now_ns: u64) -> Result<(), StepError> {
-        tracing::warn!("{} is gone ({why}); waiting for it", self.path.display());
+        match self.simulated {
+            true => tracing::info!("{} is gone ({why}); waiting for it", self.path.display()),
+            false => tracing::warn!("{} is gone ({why}); waiting for it", self.path.display()),
+        }
         self.port = None;
         self.feed(Input::Vanished, now_ns)
     }

@@ -34,6 +34,9 @@ const SONARS_SILENT_NS: u64 = 2_000_000_000;
 /// A silence of more than three cycles: packets were lost.
 const GAP_NS: u64 = 350_000_000;
 
+/// More damaged packets in a row than noise makes: the limits are too low for this robot.
+const MANY_REFUSED: u32 = 10;
+
 /// What happens to a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input<'a> {
@@ -113,6 +116,8 @@ pub struct Session {
     /// What the deframer had counted when the last scan was made.
     counted: LinkCounters,
     battery_v: Option<f64>,
+    /// Packets in a row whose odometry was refused.
+    refused_in_a_row: u32,
     /// What a robot calls itself that is of no known model.
     unknown: Option<String>,
 }
@@ -136,6 +141,7 @@ impl Session {
             connections: 0,
             counted: LinkCounters::default(),
             battery_v: None,
+            refused_in_a_row: 0,
             unknown: None,
             parameters,
         }
@@ -198,6 +204,9 @@ impl Session {
             State::Syncing { .. } => format!("no robot answers on {port}; trying {} baud", self.baud()),
             State::Closing { .. } => format!("closing the robot on {port}, which was left open"),
             State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
+            State::Open(_) if self.refused_in_a_row >= MANY_REFUSED => {
+                format!("{} packets in a row refused: pioneer.speed_limit_m_s or turn_limit_rad_s is too low?", self.refused_in_a_row)
+            }
             State::Open(_) => {
                 let battery = self.battery_v.map_or_else(String::new, |volts| format!(", battery {volts:.1} V"));
                 let Rhythm { interval_s, jitter_s } = self.rhythm();
@@ -429,12 +438,20 @@ impl Session {
         self.battery_v = Some(sip.battery_v());
         match self.scanner.scan(sip, stamp_ns) {
             Ok(scan) => {
+                self.refused_in_a_row = 0;
                 self.seq += 1;
                 let track = self.scanner.track();
                 let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
                 out.push(Output::Publish(Box::new(kept)));
             }
-            Err(step) => out.push(Output::Event(Event::OdometryRefused(step))),
+            Err(step) => {
+                self.refused_in_a_row += 1;
+                let refused = self.scanner.refusals().odometry;
+                // A limit that is too low for the robot would otherwise fill the log.
+                if refused.is_power_of_two() {
+                    out.push(Output::Event(Event::OdometryRefused { step, refused }));
+                }
+            }
         }
     }
 }

@@ -213,6 +213,20 @@ fn lost_answers_and_a_lost_open_cost_time_only() {
 }
 
 #[test]
+fn limits_too_low_for_the_robot_are_said_and_do_not_fill_the_log() {
+    let mut drive = Drive::new(Robot::p3_dx());
+    drive.run(2 * S);
+    let before = drive.scans.len();
+    drive.robot.m_per_cycle = 0.3;
+    drive.run(2 * S);
+    assert_eq!(drive.scans.len(), before, "3 m/s is beyond the limit of 1 m/s");
+    assert!(drive.session.note("x").ends_with("speed_limit_m_s or turn_limit_rad_s is too low?"), "{}", drive.session.note("x"));
+    assert!(drive.session.note("x").len() <= 128, "the status shows that much");
+    let said = drive.events.iter().filter(|event| matches!(event, Event::OdometryRefused { .. })).count();
+    assert_eq!((drive.session.refusals().odometry, said), (20, 5));
+}
+
+#[test]
 fn stopping_closes_the_robot() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(3 * S);

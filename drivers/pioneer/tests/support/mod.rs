@@ -15,7 +15,7 @@ pub(crate) fn recording(name: &str) -> Vec<u8> {
     std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/pioneer").join(name)).unwrap()
 }
 
-/// A robot that drives straight on at 0.3 m/s, whose counters wrap around at 2^15.
+/// A robot that drives straight on, at 0.3 m/s unless told otherwise, and whose counters wrap around at 2^15.
 pub(crate) struct Robot {
     pub subclass: &'static str,
     pub baud: u32,
@@ -26,6 +26,7 @@ pub(crate) struct Robot {
     pub has_sonar_command: bool,
     /// Metres travelled.
     pub x_m: f64,
+    pub m_per_cycle: f64,
     pub heard: Vec<u8>,
     pub next_sip_ns: u64,
     pub deframer: Deframer,
@@ -40,6 +41,7 @@ impl Robot {
             sonars: true,
             has_sonar_command: false,
             x_m: 0.0,
+            m_per_cycle: 0.03,
             heard: Vec::new(),
             next_sip_ns: 0,
             deframer: Deframer::new(),
@@ -92,7 +94,7 @@ impl Robot {
         let mut said = Vec::new();
         while now_ns >= self.next_sip_ns {
             self.next_sip_ns += 100 * MS;
-            self.x_m += 0.03;
+            self.x_m += self.m_per_cycle;
             if self.open {
                 said.extend(self.sip().encode().unwrap());
             }
