@@ -86,7 +86,8 @@ fn set(s: &mut Settings, key: &str, value: f32) -> Result<()> {
         "thickness_min" => s.blobs.thickness_min = value,
         "overlap_min" => s.blobs.overlap_min = value,
         "motion_min" => s.blobs.motion_min = value,
-        "firm_min" => s.blobs.firm_min = value,
+        "known_share" => s.blobs.known_share = value,
+        "firm_thickness_min" => s.blobs.firm_thickness_min = value,
         _ => bail!("no setting {key}"),
     }
     Ok(())
@@ -119,7 +120,7 @@ fn score(prefix: &str, options: &Options) -> Result<()> {
         }
         if (options.from..=options.to).contains(&number) {
             let truth = Plane::from_values(labels.width(), labels.height(), std::mem::take(&mut truth)).context("size of the labels")?;
-            score.add(mask, &truth);
+            score.add(&mask, &truth);
         }
         number += 1;
     }

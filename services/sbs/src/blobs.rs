@@ -16,14 +16,17 @@ pub struct BlobRule {
     pub overlap_min: f32,
     /// Smallest share of its pixels where the compensated frame difference is not still.
     pub motion_min: f32,
-    /// Smallest share of its pixels that no model pixel next to them explains either: an edge that is out of place by a pixel is
-    /// no walker (the region of eq. 6, one pixel wide).
-    pub firm_min: f32,
+    /// Smallest mean thickness, likewise, times the share of its pixels that no model pixel next to them explains either: an edge
+    /// that is out of place by a pixel is no walker (the region of eq. 6, one pixel wide).
+    pub firm_thickness_min: f32,
+    /// A component of which at least half was a blob in the last frame needs this share of `motion_min` only: who
+    /// slows down is not lost, and what flickers does not get in.
+    pub known_share: f32,
 }
 
 impl Default for BlobRule {
     fn default() -> Self {
-        Self { size_min: 40.0, thickness_min: 3.0, overlap_min: 0.1, motion_min: 0.1, firm_min: 0.5 }
+        Self { size_min: 40.0, thickness_min: 3.0, overlap_min: 0.1, motion_min: 0.15, firm_thickness_min: 2.7, known_share: 0.5 }
     }
 }
 
@@ -32,6 +35,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) mask: &'a Plane<u8>,
     /// The last frame's mask, dilated by what a thing moves in a frame.
     pub(crate) last: &'a Plane<u8>,
+    /// The last frame's blobs, dilated likewise.
+    pub(crate) blobs: &'a Plane<u8>,
     /// Where the compensated frame difference is not still.
     pub(crate) moved: &'a Plane<u8>,
     pub(crate) picture: &'a Plane<f32>,
@@ -43,6 +48,7 @@ pub(crate) struct Evidence<'a> {
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     overlap: u32,
+    known: u32,
     moved: u32,
     firm: u32,
     inner: u32,
@@ -60,6 +66,7 @@ pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &Bl
         let tally = &mut tallies[run.component];
         let set = |plane: &Plane<u8>| plane.row(run.row)[run.start..run.end].iter().map(|&p| u32::from(p & 1)).sum::<u32>();
         tally.overlap += set(evidence.last);
+        tally.known += set(evidence.blobs);
         tally.moved += set(evidence.moved);
         tally.inner += set(&inner);
         tally.firm += firm(run, evidence);
@@ -68,11 +75,12 @@ pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &Bl
         let (tally, size) = (&tallies[k], components.list[k].size as f32);
         // A strip of thickness t and length l has t l pixels, (t − 2) l of them inside.
         let thickness = 2.0 * size / (size - tally.inner as f32).max(1.0);
+        let ease = if tally.known as f32 >= 0.5 * size { rule.known_share } else { 1.0 };
         large[k]
             && thickness >= rule.thickness_min * unit
             && tally.overlap as f32 >= rule.overlap_min * size
-            && tally.moved as f32 >= rule.motion_min * size
-            && tally.firm as f32 >= rule.firm_min * size
+            && tally.moved as f32 >= ease * rule.motion_min * size
+            && thickness * tally.firm as f32 >= rule.firm_thickness_min * unit * size
     };
     let kept: Vec<bool> = (0..components.list.len()).map(passes).collect();
     let mut mask = Plane::filled(width, height, 0_u8);

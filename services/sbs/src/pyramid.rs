@@ -79,7 +79,7 @@ fn smoothed(picture: &Plane<f32>) -> Plane<f32> {
 }
 
 /// Half the size: the mean of each 2 × 2; an odd last row or column is left out.
-fn halve(picture: &Plane<f32>, out: &mut Plane<f32>) {
+pub(crate) fn halve(picture: &Plane<f32>, out: &mut Plane<f32>) {
     let (width, height) = (picture.width() / 2, picture.height() / 2);
     out.reset(width, height, 0.0);
     for v in 0..height {

@@ -1,7 +1,8 @@
-//! The service as a fold: `step` takes a frame and gives its answer.
+//! What is known of the scene, and the way of one picture through the steps of section 5 of the paper.
 
-use messages::{Blob, CameraMotion, CameraStatus, FrameLayout, MAX_BLOBS};
+use messages::CameraStatus;
 
+use crate::agreement::Agreement;
 use crate::alignment::{Covariance, region};
 use crate::blobs::{self, Evidence};
 use crate::compensation::{self, Found, Frames};
@@ -12,75 +13,26 @@ use crate::local;
 use crate::model::{Model, SET};
 use crate::morphology;
 use crate::motion::{Motion, Places};
-use crate::picture::{Refusal, luminance};
 use crate::plane::Plane;
 use crate::pyramid::{self, Pyramid};
 use crate::settings::Settings;
 use crate::shadow;
 use crate::transform::Transform;
 
-/// Pose of the robot by its odometry.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Odometry {
-    /// Heading, rad, counter-clockwise.
-    pub yaw_rad: f64,
-}
-
-/// One picture of the camera.
-#[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
-    /// Sensor time, ns.
-    pub stamp_ns: u64,
-    /// Shape of the bytes.
-    pub layout: FrameLayout,
-    /// The pixels.
-    pub bytes: &'a [u8],
-    /// The pose at that time, if it is known.
-    pub odometry: Option<Odometry>,
-}
-
-/// What there is to say about a frame besides its status.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Remark {
-    /// Nothing.
-    None,
-    /// It was refused; the state is as before.
-    Refused(Refusal),
-    /// The pictures have another size than before: everything starts anew.
-    NewSize,
-    /// So much time lay between this frame and the last one that the motion before says nothing any more.
-    Gap {
-        /// That time, s.
-        seconds: f64,
-    },
-    /// The odometry is no number and was not used.
-    BadOdometry,
-    /// Too many frames in a row were not compensated: the model starts anew with this one.
-    ModelRestarted,
-}
-
-/// The answer to a frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
-    /// As it goes out on the bus.
-    pub motion: CameraMotion,
-    /// What else there is to say.
-    pub remark: Remark,
-}
-
-/// After a gap longer than this, ns, prediction says nothing.
-const GAP_NS: u64 = 1_000_000_000;
 /// After this many frames in a row that were not compensated, the model starts anew.
 const FAILURES_MAX: u32 = 3;
 /// The local field starts from this share of the last one.
 const FIELD_KEPT: f32 = 0.9;
 
-/// Everything SBS remembers between frames.
-#[derive(Debug, Clone)]
-pub struct State {
-    pub(crate) settings: Settings,
-    pub(crate) last_stamp_ns: Option<u64>,
-    pub(crate) scene: Option<Scene>,
+/// What a picture came to.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) status: CameraStatus,
+    pub(crate) found: Found,
+    /// Largest first.
+    pub(crate) blobs: Vec<Component>,
+    /// The model starts anew with this picture.
+    pub(crate) restarted: bool,
 }
 
 /// What is known of the scene: everything in the frame of the last compensated picture.
@@ -104,63 +56,6 @@ pub(crate) struct Scene {
     pub(crate) failures: u32,
     /// While it is there, the status is `Learning`.
     pub(crate) training: Option<Training>,
-}
-
-impl State {
-    /// Nothing seen yet.
-    #[must_use]
-    pub fn new(settings: Settings) -> Self {
-        Self { settings, last_stamp_ns: None, scene: None }
-    }
-
-    /// The mask of the last frame's blobs: 255 where something moves.
-    #[must_use]
-    pub fn mask(&self) -> Option<&Plane<u8>> {
-        self.scene.as_ref().map(|s| &s.mask)
-    }
-
-    /// The background picture, grey levels.
-    #[must_use]
-    pub fn background(&self) -> Option<Plane<u8>> {
-        let mean = &self.scene.as_ref()?.model.background.mean;
-        Plane::from_values(mean.width(), mean.height(), mean.values().iter().map(|&m| (m + 0.5) as u8).collect())
-    }
-
-    /// Takes a frame.
-    pub fn step(&mut self, frame: &Frame<'_>) -> Answer {
-        let picture = match self.accepted(frame) {
-            Ok(picture) => picture,
-            Err(refusal) => return refused(frame, refusal),
-        };
-        let gap_ns = self.last_stamp_ns.map_or(0, |last| frame.stamp_ns - last);
-        self.last_stamp_ns = Some(frame.stamp_ns);
-        let mut remark = Remark::None;
-        let yaw_rad = frame.odometry.map(|o| o.yaw_rad).filter(|yaw| yaw.is_finite());
-        if frame.odometry.is_some() && yaw_rad.is_none() {
-            remark = Remark::BadOdometry;
-        }
-        if let Some(scene) = &mut self.scene {
-            if (scene.width, scene.height) != (picture.width(), picture.height()) {
-                remark = Remark::NewSize;
-                self.scene = None;
-            } else if gap_ns > GAP_NS {
-                remark = Remark::Gap { seconds: gap_ns as f64 * 1e-9 };
-                scene.forget_motion();
-            }
-        }
-        let Some(scene) = &mut self.scene else {
-            self.scene = Some(Scene::new(&picture, yaw_rad, &self.settings));
-            return answer(CameraStatus::Learning, &picture, None, &[], remark);
-        };
-        scene.step(&picture, yaw_rad, &self.settings, remark)
-    }
-
-    fn accepted(&self, frame: &Frame<'_>) -> Result<Plane<f32>, Refusal> {
-        match self.last_stamp_ns {
-            Some(last_ns) if frame.stamp_ns <= last_ns => Err(Refusal::Time { stamp_ns: frame.stamp_ns, last_ns }),
-            _ => luminance(&frame.layout, frame.bytes),
-        }
-    }
 }
 
 /// Halvings from a picture to its base picture, about 160 to 320 wide: subpixel motion does not need more.
@@ -197,8 +92,17 @@ impl<'a> Current<'a> {
     }
 }
 
+impl Outcome {
+    /// Of the first picture.
+    pub(crate) fn first() -> Self {
+        let agreement = Agreement { inliers: 0.0, sigma: Covariance { uu: 0.0, uv: 0.0, vv: 0.0 } };
+        let found = Found { transform: Transform::identity(), agreement };
+        Self { status: CameraStatus::Learning, found, blobs: Vec::new(), restarted: false }
+    }
+}
+
 impl Scene {
-    fn new(picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Self {
+    pub(crate) fn new(picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Self {
         let (width, height) = (picture.width(), picture.height());
         let base = pyramid::base(picture, halvings(width));
         let still = Field::zero(base.width(), base.height(), cell_edge(base.width()));
@@ -225,19 +129,19 @@ impl Scene {
     }
 
     /// The next motion is sought from standstill.
-    fn forget_motion(&mut self) {
+    pub(crate) fn forget_motion(&mut self) {
         self.motion = Motion { transform: Transform::identity(), field: self.motion.field.times(0.0) };
     }
 
     /// One frame, in the paper's order: motion compensation, detection, update, shadow, blobs.
-    fn step(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings, remark: Remark) -> Answer {
+    pub(crate) fn step(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Outcome {
         let now = Current::new(picture, self);
         let frames = Frames { current: &now.pyramid, previous: &self.pyramid, moving: &now.moving, gain: now.gain };
         let focal_px = 0.5 * now.base.width() as f64 / (0.5 * settings.field_of_view_rad).tan();
         let turned = self.yaw_rad.zip(yaw_rad).and_then(|(before, now)| compensation::turned(now - before, focal_px));
         let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, settings);
         if !believed {
-            return self.not_compensated(picture, yaw_rad, settings, found, remark);
+            return self.not_compensated(picture, yaw_rad, settings, found);
         }
         self.failures = 0;
         self.yaw_rad = yaw_rad;
@@ -245,7 +149,7 @@ impl Scene {
         if self.training.is_some() {
             self.learn(picture, gain_model, settings);
             self.keep(now);
-            return answer(CameraStatus::Learning, picture, Some(found), &[], remark);
+            return Outcome { status: CameraStatus::Learning, found, blobs: Vec::new(), restarted: false };
         }
         let (foreground, moved) = self.detect(&now, gain_model, found.agreement.sigma, settings);
         let first = (settings.horizon * self.height as f32).clamp(0.0, self.height as f32) as usize;
@@ -253,12 +157,13 @@ impl Scene {
         let lit = shadow::dropped(&foreground, picture, &self.model, first, k, &settings.shadow);
         let cleaned = morphology::closed(&morphology::median(&lit));
         let last = morphology::dilated(&morphology::dilated(&self.foreground));
-        let evidence = Evidence { mask: &cleaned, last: &last, moved: &moved, picture, model: &self.model, k };
+        let known = morphology::dilated(&self.mask);
+        let evidence = Evidence { mask: &cleaned, last: &last, blobs: &known, moved: &moved, picture, model: &self.model, k };
         let (blobs, mask) = blobs::select(&components(&cleaned), &evidence, &settings.blobs);
         self.foreground = cleaned;
         self.mask = mask;
         self.keep(now);
-        answer(CameraStatus::Compensated, picture, Some(found), &blobs, remark)
+        Outcome { status: CameraStatus::Compensated, found, blobs, restarted: false }
     }
 
     /// The current frame becomes the previous one.
@@ -341,58 +246,20 @@ impl Scene {
         (foreground, moved)
     }
 
-    fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings, found: Found, remark: Remark) -> Answer {
+    /// The frame before stays the one to compare with: after one that is spoilt things go on as they were.
+    fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings, found: Found) -> Outcome {
         self.failures += 1;
         self.forget_motion();
-        self.mask = Plane::filled(self.width, self.height, 0);
-        let mut remark = remark;
-        if self.failures >= FAILURES_MAX {
-            *self = Self::new(picture, yaw_rad, settings);
-            self.training = None;
-            remark = Remark::ModelRestarted;
+        self.mask.values_mut().fill(0);
+        let restarted = self.failures >= FAILURES_MAX;
+        if restarted {
+            *self = Self { training: None, ..Self::new(picture, yaw_rad, settings) };
         }
-        answer(CameraStatus::NotCompensated, picture, Some(found), &[], remark)
+        Outcome { status: CameraStatus::NotCompensated, found, blobs: Vec::new(), restarted }
     }
 }
 
 /// The pixels of the region of a place (eq. 6) besides its own, as offsets; T is resampled into whole pixels already.
 fn neighbours(sigma: Covariance, h_bar: f64) -> Vec<(isize, isize)> {
     region([0.0, 0.0], sigma, h_bar).iter().map(|p| (p.u as isize, p.v as isize)).filter(|&o| o != (0, 0)).collect()
-}
-
-fn refused(frame: &Frame<'_>, refusal: Refusal) -> Answer {
-    let motion = CameraMotion {
-        transform: Transform::identity().rows(),
-        status: CameraStatus::Refused as u32,
-        width: frame.layout.width.min(640),
-        height: frame.layout.height.min(480),
-        ..CameraMotion::default()
-    };
-    Answer { motion, remark: Remark::Refused(refusal) }
-}
-
-fn answer(status: CameraStatus, picture: &Plane<f32>, found: Option<Found>, blobs: &[Component], remark: Remark) -> Answer {
-    let mut motion = CameraMotion {
-        transform: found.map_or(Transform::identity(), |f| f.transform).rows(),
-        residual_px: found.map_or(0.0, |f| f.agreement.sigma.rms()),
-        inliers: found.map_or(0.0, |f| f.agreement.inliers),
-        status: status as u32,
-        width: picture.width() as u32,
-        height: picture.height() as u32,
-        count: blobs.len().min(MAX_BLOBS) as u32,
-        ..CameraMotion::default()
-    };
-    for (out, c) in motion.blobs.iter_mut().zip(blobs) {
-        *out = Blob {
-            u_px: (c.sum_u as f64 / f64::from(c.size)) as f32,
-            v_px: (c.sum_v as f64 / f64::from(c.size)) as f32,
-            size_px: c.size,
-            left_px: c.left,
-            top_px: c.top,
-            right_px: c.right,
-            bottom_px: c.bottom,
-            reserved: 0,
-        };
-    }
-    Answer { motion, remark }
 }
