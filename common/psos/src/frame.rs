@@ -210,6 +210,12 @@ mod tests {
     }
 
     #[test]
+    fn an_odd_last_byte_is_exclusive_ored_into_the_low_byte() {
+        assert_eq!(checksum(&[0x01, 0xFF, 0x03]), 0x01FC);
+        assert_eq!(checksum(&[0xFF, 0xFF, 0x00, 0x02]), 0x0001, "the sum drops its carry");
+    }
+
+    #[test]
     fn data_that_makes_no_packet_is_refused() {
         assert_eq!(encode_frame(&[]), Err(FrameError::Empty));
         assert_eq!(encode_frame(&[7; 199]), Err(FrameError::TooLong { found: 199 }));

@@ -7,11 +7,11 @@ use crate::odometry::CYCLE_S;
 /// A status packet every tenth of a second, ns.
 const CYCLE_NS: u64 = (CYCLE_S * 1e9) as u64;
 
-/// Weight of a new interval in the measured rhythm: it settles within about three seconds.
-const RHYTHM_GAIN: f64 = 1.0 / 32.0;
+/// Packets that the measured rhythm is taken over.
+const RHYTHM_PACKETS: usize = 64;
 
-/// Longest interval that belongs to the rhythm, ns; a longer one is a gap.
-const LONGEST_NS: u64 = 5 * CYCLE_NS / 2;
+/// A longer silence is none of the rhythm, ns.
+const LONGEST_NS: u64 = 10 * CYCLE_NS;
 
 /// The rhythm of the packets as they arrive.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -28,7 +28,8 @@ pub struct Arrivals {
     /// Where in the stream each read began, and when it was; those that an open packet may have begun in.
     reads: VecDeque<(u64, u64)>,
     last_stamp_ns: u64,
-    rhythm: Rhythm,
+    /// The last stamps, without a silence between them.
+    recent: VecDeque<u64>,
 }
 
 impl Arrivals {
@@ -41,7 +42,10 @@ impl Arrivals {
     /// The rhythm of the packets as they arrive.
     #[must_use]
     pub fn rhythm(&self) -> Rhythm {
-        self.rhythm
+        let intervals = || self.recent.iter().zip(self.recent.iter().skip(1)).map(|(before, after)| (after - before) as f64 / 1e9);
+        let count = intervals().count().max(1) as f64;
+        let interval_s = intervals().sum::<f64>() / count;
+        Rhythm { interval_s, jitter_s: intervals().map(|interval| (interval - interval_s).abs()).sum::<f64>() / count }
     }
 
     /// Notes a read: the stream position of its first byte, and when it was.
@@ -62,8 +66,7 @@ impl Arrivals {
             let room_ns = read_ns.saturating_sub(self.last_stamp_ns);
             let spacing_ns = (room_ns / waiting.max(1)).min(CYCLE_NS);
             let stamp_ns = read_ns.saturating_sub(spacing_ns * (waiting - 1)).max(self.last_stamp_ns + 1);
-            self.measure(stamp_ns);
-            self.last_stamp_ns = stamp_ns;
+            self.remember(stamp_ns);
             stamps.push(stamp_ns);
         }
         while self.reads.get(1).is_some_and(|&(start, _)| start <= open_from) {
@@ -78,18 +81,15 @@ impl Arrivals {
         self.reads.get(after.saturating_sub(1)).copied().unwrap_or_default()
     }
 
-    fn measure(&mut self, stamp_ns: u64) {
-        let interval_ns = stamp_ns - self.last_stamp_ns;
-        if self.last_stamp_ns == 0 || interval_ns > LONGEST_NS {
-            return;
+    fn remember(&mut self, stamp_ns: u64) {
+        if stamp_ns - self.last_stamp_ns > LONGEST_NS {
+            self.recent.clear();
         }
-        let interval_s = interval_ns as f64 / 1e9;
-        if self.rhythm.interval_s == 0.0 {
-            self.rhythm.interval_s = interval_s;
+        if self.recent.len() > RHYTHM_PACKETS {
+            self.recent.pop_front();
         }
-        let deviation_s = interval_s - self.rhythm.interval_s;
-        self.rhythm.interval_s += RHYTHM_GAIN * deviation_s;
-        self.rhythm.jitter_s += RHYTHM_GAIN * (deviation_s.abs() - self.rhythm.jitter_s);
+        self.recent.push_back(stamp_ns);
+        self.last_stamp_ns = stamp_ns;
     }
 }
 
@@ -136,7 +136,10 @@ mod tests {
             arrivals.stamps(&[packet * 60], (packet + 1) * 60);
         }
         let Rhythm { interval_s, jitter_s } = arrivals.rhythm();
-        assert!((interval_s - 0.1).abs() < 1e-3 && (jitter_s - 0.016).abs() < 2e-3, "{interval_s} {jitter_s}");
+        assert!((interval_s - 0.1).abs() < 1e-9 && (jitter_s - 0.016).abs() < 1e-9, "{interval_s} {jitter_s}");
+        arrivals.note_read(300 * 60, 99_000 * MS);
+        arrivals.stamps(&[300 * 60], 301 * 60);
+        assert_eq!(arrivals.rhythm(), Rhythm::default(), "after a silence it begins anew");
     }
 
     #[test]
