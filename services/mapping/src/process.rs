@@ -17,6 +17,8 @@ const CHECKPOINT_SCANS: u64 = 64;
 const TAKEN_PER_ROUND: usize = 256;
 /// Most tiles sent in one round: a fraction of a reader's buffer, which it has time to empty before the next.
 const TILES_PER_ROUND: usize = 64;
+/// Most pieces of the way sent in one round.
+const WAY_CHUNKS_PER_ROUND: usize = 16;
 /// Time between two rounds of sending as long as tiles wait.
 const SENDING_PAUSE: Duration = Duration::from_millis(5);
 /// Shortest time between two looks at what has changed: a little less than the period of a robot's scans, so that live each is
@@ -65,6 +67,8 @@ struct Mapping {
     news: bool,
     shown_at: Option<Instant>,
     scans_ended_at: Option<Instant>,
+    /// Everything is integrated for good; what is left is to send and to write it.
+    over: bool,
     refused: u64,
 }
 
@@ -96,6 +100,7 @@ impl Mapping {
             news: true,
             shown_at: None,
             scans_ended_at: None,
+            over: false,
             refused: 0,
             mapper,
         })
@@ -161,7 +166,7 @@ impl Mapping {
     }
 
     /// Whether nothing more is to come that the map could wait for.
-    fn is_over(&self) -> bool {
+    fn nothing_is_to_come(&self) -> bool {
         let Some(ended_at) = self.scans_ended_at else { return false };
         let all_decided = self.mapper.decided_up_to() == self.mapper.last_scan().0;
         let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
@@ -169,6 +174,21 @@ impl Mapping {
             None => true,
             Some(verdicts) => verdicts.ended() || all_decided || out_of_patience,
         }
+    }
+
+    /// Makes what is shown anew when something came and it is time; otherwise the time until then, if something came.
+    fn show(&mut self) -> Option<Duration> {
+        if !self.news {
+            return None;
+        }
+        let due_in = self.shown_at.map_or(Duration::ZERO, |at| SHOWING_PERIOD.saturating_sub(at.elapsed()));
+        if !due_in.is_zero() {
+            return Some(due_in);
+        }
+        self.mapper.refresh();
+        self.news = false;
+        self.shown_at = Some(Instant::now());
+        None
     }
 
     /// Sends what has changed, up to a round's share; true when there is more.
@@ -182,10 +202,11 @@ impl Mapping {
                 self.tiles.send_with(seq, stamp_ns, |message| self.mapper.write_tile(layer, key, message))?;
             }
         }
-        while let Some(chunk) = self.mapper.next_way_chunk() {
+        for _ in 0..WAY_CHUNKS_PER_ROUND {
+            let Some(chunk) = self.mapper.next_way_chunk() else { return Ok(room == 0) };
             self.way.send(seq, stamp_ns, &chunk)?;
         }
-        Ok(room == 0)
+        Ok(true)
     }
 
     fn count(&self, context: &mut Context<'_>) {
@@ -198,18 +219,22 @@ impl Mapping {
         context.count("inputs refused", self.refused);
     }
 
-    /// Integrates what is pending, sends the rest, writes the files and says so.
-    fn finish(&mut self) -> Result<(), StepError> {
+    /// Integrates what is pending. Saved before: should the end fail, the next incarnation goes on from there.
+    fn decide_the_rest(&mut self) -> Result<(), StepError> {
+        self.save()?;
         self.mapper.step(Input::End)?;
         self.mapper.refresh();
-        while self.send()? {}
-        let summary = self.mapper.summary();
-        let written = write_files(&self.out, &self.copy().files()?)?;
-        for path in written {
+        self.over = true;
+        Ok(())
+    }
+
+    /// Writes the files and says that the map is finished.
+    fn finish(&mut self) -> Result<(), StepError> {
+        for path in write_files(&self.out, &self.copy().files()?)? {
             tracing::info!("wrote {}", path.display());
         }
         let (seq, stamp_ns) = self.mapper.last_scan();
-        self.summary.send(seq, stamp_ns, &summary)?;
+        self.summary.send(seq, stamp_ns, &self.mapper.summary())?;
         self.summary.end(seq, stamp_ns)?;
         self.tiles.end(seq, stamp_ns)?;
         self.way.end(seq, stamp_ns)?;
@@ -229,30 +254,26 @@ impl Mapping {
 impl Process for Mapping {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more_waits = self.take_inputs(context)?;
+        if !self.over && !more_waits && (context.stopping() || self.nothing_is_to_come()) {
+            self.decide_the_rest()?;
+        }
         self.count(context);
-        if context.stopping() || (self.is_over() && !more_waits) {
-            // Saved before what is pending is decided: should the end fail, the next incarnation goes on from here.
-            self.save()?;
+        if self.tiles.joined() | self.way.joined() {
+            self.mapper.send_again();
+        }
+        let next_look = self.show();
+        let more_to_send = self.send()?;
+        if more_waits {
+            return Ok(Next::Again);
+        }
+        if more_to_send {
+            return Ok(Next::WaitAtMost(SENDING_PAUSE));
+        }
+        if self.over {
             self.finish()?;
             return Ok(Next::Finished);
         }
-        if self.tiles.joined() | self.way.joined() {
-            self.mapper.send_again();
-            self.news = true;
-        }
-        let due_in = self.shown_at.map_or(Duration::ZERO, |at| SHOWING_PERIOD.saturating_sub(at.elapsed()));
-        if self.news && due_in.is_zero() {
-            self.mapper.refresh();
-            self.news = false;
-            self.shown_at = Some(Instant::now());
-        }
-        let more_to_send = self.send()?;
-        Ok(match (more_waits, more_to_send, self.news) {
-            (true, ..) => Next::Again,
-            (_, true, _) => Next::WaitAtMost(SENDING_PAUSE),
-            (.., true) => Next::WaitAtMost(due_in),
-            _ => Next::Wait,
-        })
+        Ok(next_look.map_or(Next::Wait, Next::WaitAtMost))
     }
 }
 
