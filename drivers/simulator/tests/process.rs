@@ -104,6 +104,11 @@ fn ride(client: &mut File, truths: &mut Truths) -> Vec<Sip> {
     }
 }
 
+/// What a simulator keeps: packets made, packets sent.
+fn state(made: u64, sent: u64) -> Vec<u8> {
+    [made, sent].iter().flat_map(|number| number.to_le_bytes()).collect()
+}
+
 /// What the bus tells.
 struct Truths {
     scans: Reader<TruthScan>,
@@ -158,6 +163,8 @@ fn a_client_rides_along_and_the_truth_is_told() {
     }
     let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
     assert_eq!(chunks, [(1, 1, 1.0)]);
+    let membership = deployment.domain.membership_for("robot", 1, "settings.toml".as_ref());
+    assert_eq!(Shell::join(membership).unwrap().checkpoint().load().unwrap(), Some(state(60, 60)));
     drop(truths);
     assert!(!deployment.port().exists());
     deployment.domain.close().unwrap();
@@ -169,8 +176,7 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
     let mut truths = Truths::of(&mut deployment);
     // What an earlier incarnation left behind that was killed after 40 packets, 38 of them sent.
     let membership = deployment.domain.membership_for("robot", 0, "settings.toml".as_ref());
-    let state: Vec<u8> = [40_u64, 38].iter().flat_map(|number| number.to_le_bytes()).collect();
-    Shell::join(membership).unwrap().checkpoint().save(&state).unwrap();
+    Shell::join(membership).unwrap().checkpoint().save(&state(40, 38)).unwrap();
 
     let simulator = deployment.start();
     let sips = ride(&mut connect(&deployment.port()), &mut truths);
