@@ -1,0 +1,198 @@
+//! The process on a bus of its own: what it sends and writes is what the fold gives, also when it is killed on the way.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use bus::{Domain, Membership, Reader, Received, Shell, Writer};
+use messages::{Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
+use settings::{Mapping, Pace, Settings};
+use stillmap_mapping::export::MapCopy;
+use stillmap_mapping::{Input, Mapper, Parameters};
+
+const SCANS: u64 = 400;
+
+/// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
+#[test]
+fn the_process() {
+    if std::env::var_os("STILLMAP_DOMAIN").is_none() {
+        return;
+    }
+    let membership = Membership::from_env().unwrap();
+    let settings = Settings::read(membership.settings_path()).unwrap();
+    stillmap_mapping::run(Shell::join(membership).unwrap(), &settings).unwrap();
+}
+
+fn start(domain: &Domain, incarnation: u32, settings: &Path) -> Child {
+    let membership = domain.membership_for("mapping", incarnation, settings);
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "the_process", "--nocapture"]).envs(membership.environment()).stdout(Stdio::null());
+    command.spawn().unwrap()
+}
+
+fn scan(seq: u64) -> (u64, SonarScan) {
+    let turn = seq as f64 * 0.05;
+    let pose = Pose { x_m: turn.cos(), y_m: turn.sin(), yaw_rad: turn };
+    let reading = |sonar: u32| SonarReading {
+        mount: Pose { yaw_rad: f64::from(sonar) * TAU / 7.0, ..Pose::default() },
+        range_m: 0.5 + ((seq * 7 + u64::from(sonar) * 3) % 25) as f64 * 0.1,
+        sonar,
+        echo: u32::from(!seq.is_multiple_of(5)),
+    };
+    (seq * 100_000_000, SonarScan::new(pose, &[reading(seq as u32 % 7), reading((seq as u32 + 3) % 7)], false))
+}
+
+fn fold() -> Mapper {
+    let mut mapper = Mapper::new(Parameters::new(&Mapping::default(), Pace::Lockstep).unwrap());
+    for seq in 1..=SCANS {
+        let (stamp_ns, scan) = scan(seq);
+        mapper.step(Input::Scan { seq, stamp_ns, scan: &scan }).unwrap();
+    }
+    mapper.step(Input::End).unwrap();
+    mapper.refresh();
+    mapper
+}
+
+/// Everything that a mapping process is given and says.
+struct Bench {
+    folder: tempfile::TempDir,
+    scans: Writer<SonarScan>,
+    progress: Reader<Progress>,
+    tiles: Reader<MapTile>,
+    way: Reader<WayChunk>,
+    summary: Reader<MapSummary>,
+    watcher: Shell,
+    domain: Domain,
+    process: Option<Child>,
+}
+
+impl Bench {
+    fn new(name: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "name = \"x\"\npace = \"lockstep\"\nout = \"out\"\n[[process]]\nname = \"mapping\"\nrun = \"mapping\"\n[[process]]\nname = \"playback\"\nrun = \"playback\"\n";
+        std::fs::write(folder.path().join("settings.toml"), text).unwrap();
+        let mut domain = Domain::open(&format!("test-map-{name}-{}", std::process::id()), 1.0).unwrap();
+        let mut watcher = Shell::join(domain.membership_for("watcher", 0, "settings.toml".as_ref())).unwrap();
+        Self {
+            scans: domain.writer().unwrap(),
+            progress: watcher.reader().unwrap(),
+            tiles: watcher.reader().unwrap(),
+            way: watcher.reader().unwrap(),
+            summary: watcher.reader().unwrap(),
+            folder,
+            watcher,
+            domain,
+            process: None,
+        }
+    }
+
+    fn start(&mut self, incarnation: u32) {
+        self.process = Some(start(&self.domain, incarnation, &self.folder.path().join("settings.toml")));
+    }
+
+    fn kill(&mut self) {
+        let mut process = self.process.take().unwrap();
+        process.kill().unwrap();
+        process.wait().unwrap();
+        self.domain.remove_the_dead();
+    }
+
+    /// Waits for messages; a process that has failed sends none.
+    fn wait(&mut self) {
+        let ended = self.process.as_mut().unwrap().try_wait().unwrap();
+        assert!(ended.is_none_or(|status| status.success()), "the process failed: {ended:?}");
+        self.domain.refresh();
+        self.watcher.wait_for_inputs(Duration::from_millis(50)).unwrap();
+    }
+
+    fn send(&mut self, seqs: std::ops::RangeInclusive<u64>) {
+        for seq in seqs {
+            let (stamp_ns, scan) = scan(seq);
+            self.scans.send(seq, stamp_ns, &scan).unwrap();
+        }
+    }
+
+    fn wait_until_answered(&mut self, seq: u64) {
+        loop {
+            while let Some(received) = self.progress.take().unwrap() {
+                if matches!(received, Received::Message(progress) if progress.answered >= seq) {
+                    return;
+                }
+            }
+            self.wait();
+        }
+    }
+
+    /// Takes what was sent until the summary is there.
+    fn receive_all(&mut self) -> (MapCopy, MapSummary) {
+        let mut copy = MapCopy::default();
+        loop {
+            while let Some(received) = self.tiles.take().unwrap() {
+                if let Received::Message(tile) = received {
+                    copy.take_tile(&tile);
+                }
+            }
+            while let Some(received) = self.way.take().unwrap() {
+                if let Received::Message(chunk) = received {
+                    copy.take_way(&chunk);
+                }
+            }
+            if let Some(Received::Message(summary)) = self.summary.take().unwrap() {
+                assert!(self.process.take().unwrap().wait().unwrap().success());
+                return (copy, *summary);
+            }
+            self.wait();
+        }
+    }
+
+    fn close(self) {
+        let Self { domain, scans, progress, tiles, way, summary, watcher, folder: _folder, process: _ } = self;
+        drop((scans, progress, tiles, way, summary, watcher));
+        domain.close().unwrap();
+    }
+}
+
+#[test]
+fn what_it_sends_and_writes_is_what_the_fold_gives() {
+    let mut bench = Bench::new("whole");
+    bench.start(0);
+    bench.send(1..=SCANS);
+    bench.scans.end(SCANS, SCANS * 100_000_000).unwrap();
+    let (received, summary) = bench.receive_all();
+
+    let fold = fold();
+    assert_eq!(summary, fold.summary());
+    let mut expected = MapCopy::default();
+    fold.shown_tiles(Layer::Filtered).for_each(|tile| expected.take_tile(&tile));
+    expected.set_way(fold.way_m());
+    assert!(received.is_whole());
+    let files = expected.files().unwrap();
+    assert!(received.files().unwrap() == files);
+    assert_eq!(files.iter().map(|file| file.name).collect::<Vec<_>>(), ["map.pgm", "map.yaml", "map.png"]);
+    for file in files {
+        assert!(std::fs::read(bench.folder.path().join("out").join(file.name)).unwrap() == file.contents, "{}", file.name);
+    }
+    bench.close();
+}
+
+#[test]
+fn killed_on_the_way_it_goes_on_to_the_same_map() {
+    let mut bench = Bench::new("killed");
+    let mut sent = 0;
+    for (incarnation, last) in [(0, 90), (1, 91), (2, 300)] {
+        bench.start(incarnation);
+        bench.send(sent + 1..=last);
+        bench.wait_until_answered(last);
+        bench.kill();
+        sent = last;
+    }
+    bench.start(3);
+    bench.send(sent + 1..=SCANS);
+    bench.scans.end(SCANS, SCANS * 100_000_000).unwrap();
+    let (_, summary) = bench.receive_all();
+    assert_eq!(summary, fold().summary());
+    bench.close();
+}
