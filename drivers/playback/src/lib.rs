@@ -1,1 +1,17 @@
-//! Playback of a recorded log in place of the drivers.
+//! A recorded log in place of the drivers.
+//!
+//! What the drivers published is published again, with the numbers and stamps of the log. *Live*, each message comes when the
+//! deployment's clock has gone as far since the start as the log had; in *lockstep*, as soon as no consumer is further behind
+//! than a window ([`Window`]), so that nothing is dropped and a replay takes as long as the slowest process. A restarted
+//! playback goes on behind what every consumer has answered ([`Answers`]).
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod answers;
+mod process;
+mod schedule;
+mod window;
+
+pub use answers::{Answers, Consumer};
+pub use process::{PlaybackError, run};
+pub use schedule::Schedule;
+pub use window::Window;

@@ -1,1 +1,18 @@
-//! Everything on the bus into one MCAP log, and logs back into messages.
+//! Everything on the bus into one log.
+//!
+//! The recorder takes every message of the deployment, truth and health among them, and flushes the log every second: killed
+//! with `kill -9`, it loses what came since, and goes on in the next part (`drive.2.mcap`, …) when it is started again. A
+//! message counts as answered once it is in the file, so that in lockstep nothing is sent that a killed recorder could miss.
+//! When the disk is full it says so, keeps running, and goes on in the same file when there is space again.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod description;
+mod file;
+mod inputs;
+mod process;
+mod tape;
+
+pub use description::{DescriptionError, describe};
+pub use file::LogFile;
+pub use process::{RecorderError, run};
+pub use tape::Tape;

@@ -1,0 +1,135 @@
+//! The file that a log is written into.
+
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use drivelog::{Log, following_parts, part_path};
+
+/// A file that holds whole pieces of a log only.
+#[derive(Debug)]
+pub struct LogFile {
+    file: File,
+    path: PathBuf,
+    bytes: u64,
+}
+
+impl LogFile {
+    /// The first file of a log. The log of an earlier run that lies there is kept under another name.
+    ///
+    /// # Errors
+    /// When the folder or the file cannot be made.
+    pub fn first(path: &Path) -> io::Result<Self> {
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        put_aside(path)?;
+        Self::create(path.to_owned())
+    }
+
+    /// The next part of a log whose recorder was killed.
+    ///
+    /// # Errors
+    /// When the file cannot be made.
+    pub fn next(path: &Path) -> io::Result<Self> {
+        if !path.exists() {
+            return Self::first(path);
+        }
+        let last = following_parts(path)?.last().map_or(1, |(number, _)| *number);
+        Self::create(part_path(path, last + 1))
+    }
+
+    fn create(path: PathBuf) -> io::Result<Self> {
+        Ok(Self { file: File::create_new(&path)?, path, bytes: 0 })
+    }
+
+    /// Appends a piece whole, or not at all.
+    ///
+    /// # Errors
+    /// When the file does not take all of it; what it took is cut off again.
+    pub fn append(&mut self, piece: &[u8]) -> io::Result<()> {
+        match self.file.write_all_at(piece, self.bytes) {
+            Ok(()) => {
+                self.bytes += piece.len() as u64;
+                Ok(())
+            }
+            Err(error) => {
+                // A piece that stays half is only a cut log, and the next one is written over it.
+                let _ = self.file.set_len(self.bytes);
+                Err(error)
+            }
+        }
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its size.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+}
+
+/// Renames a log that is there with all its parts: `drive.mcap` to `drive-<run>.mcap`.
+fn put_aside(path: &Path) -> io::Result<()> {
+    let parts = following_parts(path)?;
+    if !path.exists() && parts.is_empty() {
+        return Ok(());
+    }
+    let name = match Log::open(path) {
+        Ok(log) => format!("{:016x}", log.preamble().run),
+        Err(_) => "unreadable".to_owned(),
+    };
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy())).unwrap_or_default();
+    let aside = path.with_file_name(format!("{stem}-{name}{extension}"));
+    if path.exists() {
+        fs::rename(path, &aside)?;
+    }
+    for (number, part) in parts {
+        fs::rename(part, part_path(&aside, number))?;
+    }
+    tracing::info!("the log of an earlier run is kept as {}", aside.display());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piece_is_appended_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("out/drive.mcap");
+        let mut file = LogFile::first(&path).unwrap();
+        file.append(b"one ").unwrap();
+        file.append(b"two").unwrap();
+        assert_eq!((fs::read(&path).unwrap().as_slice(), file.bytes()), (b"one two".as_slice(), 7));
+
+        // A device that is always full.
+        let mut full = LogFile { file: File::options().write(true).open("/dev/full").unwrap(), path: "/dev/full".into(), bytes: 0 };
+        assert_eq!(full.append(b"three").unwrap_err().kind(), io::ErrorKind::StorageFull);
+        assert_eq!(full.bytes(), 0);
+    }
+
+    #[test]
+    fn parts_follow_each_other_and_a_new_run_keeps_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        for (number, expected) in ["drive.mcap", "drive.2.mcap", "drive.3.mcap"].iter().enumerate() {
+            let mut file = if number == 0 { LogFile::first(&path).unwrap() } else { LogFile::next(&path).unwrap() };
+            assert_eq!(file.path().file_name().unwrap(), *expected);
+            file.append(expected.as_bytes()).unwrap();
+        }
+        LogFile::first(&path).unwrap();
+        let mut names: Vec<_> = folder.path().read_dir().unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["drive-unreadable.2.mcap", "drive-unreadable.3.mcap", "drive-unreadable.mcap", "drive.mcap"]);
+        assert_eq!(fs::read(folder.path().join("drive-unreadable.3.mcap")).unwrap(), b"drive.3.mcap");
+    }
+}

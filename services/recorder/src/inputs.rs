@@ -1,0 +1,119 @@
+//! Everything that is said on the bus, brought onto the tape.
+
+use bus::{BusError, Reader, Received, Shell, StepError};
+use drivelog::{Logged, Recording, WriteError};
+use messages::{
+    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
+    TruthScan, TruthSurfaces, WayChunk,
+};
+
+use crate::tape::Tape;
+
+/// Most messages taken from one input in one step: the heartbeat must not wait for a flood to end.
+const MOST_AT_ONCE: usize = 256;
+
+/// The inputs of the recorder.
+pub(crate) struct Inputs {
+    statuses: Input<DeploymentStatus>,
+    scans: Input<SonarScan>,
+    motions: Input<SonarMotion>,
+    camera_motions: Input<CameraMotion>,
+    verdicts: Input<FilterVerdict>,
+    tiles: Input<MapTile>,
+    way: Input<WayChunk>,
+    summaries: Input<MapSummary>,
+    truth: Input<TruthScan>,
+    surfaces: Input<TruthSurfaces>,
+    heartbeats: Input<Heartbeat>,
+    progress: Input<Progress>,
+    lines: Input<LogLine>,
+}
+
+/// What a round of taking found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Taken {
+    /// There may be more.
+    pub(crate) more: bool,
+    /// Scans among it.
+    pub(crate) scans: u64,
+}
+
+impl Inputs {
+    pub(crate) fn open(shell: &mut Shell) -> Result<Self, BusError> {
+        Ok(Self {
+            statuses: Input::open(shell)?,
+            scans: Input::open(shell)?,
+            motions: Input::open(shell)?,
+            camera_motions: Input::open(shell)?,
+            verdicts: Input::open(shell)?,
+            tiles: Input::open(shell)?,
+            way: Input::open(shell)?,
+            summaries: Input::open(shell)?,
+            truth: Input::open(shell)?,
+            surfaces: Input::open(shell)?,
+            heartbeats: Input::open(shell)?,
+            progress: Input::open(shell)?,
+            lines: Input::open(shell)?,
+        })
+    }
+
+    /// Takes what waits, up to a share for each input; `look` sees the statuses, which come first: what a process sent before it
+    /// was over waits already when the status says that it is.
+    pub(crate) fn take(&mut self, tape: &mut Tape, look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
+        let before = self.scans.taken;
+        let more = self.statuses.drain(tape, Recording::report, look)?
+            | self.scans.drain(tape, Recording::scan, |_| ())?
+            | self.motions.drain(tape, Recording::message, |_| ())?
+            | self.camera_motions.drain(tape, Recording::message, |_| ())?
+            | self.verdicts.drain(tape, Recording::message, |_| ())?
+            | self.tiles.drain(tape, Recording::tile, |_| ())?
+            | self.way.drain(tape, Recording::message, |_| ())?
+            | self.summaries.drain(tape, Recording::message, |_| ())?
+            | self.truth.drain(tape, Recording::message, |_| ())?
+            | self.surfaces.drain(tape, Recording::message, |_| ())?
+            | self.heartbeats.drain(tape, Recording::report, |_| ())?
+            | self.progress.drain(tape, Recording::report, |_| ())?
+            | self.lines.drain(tape, Recording::report, |_| ())?;
+        Ok(Taken { more, scans: self.scans.taken - before })
+    }
+
+    /// The last scan taken.
+    pub(crate) fn last_scan(&self) -> u64 {
+        self.scans.last_seq
+    }
+}
+
+struct Input<T: Payload> {
+    reader: Reader<T>,
+    taken: u64,
+    last_seq: u64,
+    last_stamp_ns: u64,
+}
+
+impl<T: Logged> Input<T> {
+    fn open(shell: &mut Shell) -> Result<Self, BusError> {
+        Ok(Self { reader: shell.reader()?, taken: 0, last_seq: 0, last_stamp_ns: 0 })
+    }
+
+    /// Takes what waits, up to a share; true when there may be more.
+    fn drain(
+        &mut self,
+        tape: &mut Tape,
+        put: fn(&mut Recording, u64, u64, &T) -> Result<(), WriteError>,
+        mut look: impl FnMut(&T),
+    ) -> Result<bool, StepError> {
+        for _ in 0..MOST_AT_ONCE {
+            match self.reader.take()? {
+                None => return Ok(false),
+                Some(Received::Message(message)) => {
+                    (self.last_seq, self.last_stamp_ns) = (message.seq(), message.stamp_ns());
+                    self.taken += 1;
+                    look(&message);
+                    tape.record(|recording| put(recording, message.seq(), message.stamp_ns(), &message))?;
+                }
+                Some(Received::End { seq }) => tape.record(|recording| recording.end::<T>(seq, self.last_stamp_ns))?,
+            }
+        }
+        Ok(true)
+    }
+}

@@ -1,0 +1,214 @@
+//! The recorder as a process: from the bus to the disk.
+
+use std::io;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError};
+use drivelog::WriteError;
+use messages::{DeploymentStatus, ProcessState, SonarScan};
+use settings::Settings;
+
+use crate::description::{DescriptionError, describe};
+use crate::file::LogFile;
+use crate::inputs::Inputs;
+use crate::tape::Tape;
+
+/// Time until a file that refused is tried again.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Why the recorder ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum RecorderError {
+    /// The bus failed.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The process failed at its work.
+    #[error("{0}")]
+    Run(#[from] RunError),
+    /// The settings do not go into the log.
+    #[error("{0}")]
+    Description(#[from] DescriptionError),
+    /// The log cannot be begun.
+    #[error("{0}")]
+    Write(#[from] WriteError),
+    /// The file cannot be made.
+    #[error("{}: the log cannot be made: {source}", path.display())]
+    File {
+        /// The log.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// Records until the run has ended.
+///
+/// # Errors
+/// When the bus fails or the log cannot be begun.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
+    let membership = shell.membership();
+    let path = settings.out.join(settings.recorder.file.as_str());
+    let made = if membership.incarnation() == 0 { LogFile::first(&path) } else { LogFile::next(&path) };
+    let file = made.map_err(|source| RecorderError::File { path, source })?;
+    tracing::info!("recording into {}", file.path().display());
+    let tape = Tape::new(&describe(membership.run(), settings)?)?;
+    let name = membership.process().to_owned();
+    let checkpoint = shell.checkpoint();
+    let safe = load(&checkpoint);
+    let mut recorder = Recorder {
+        inputs: Inputs::open(&mut shell)?,
+        tape,
+        file,
+        checkpoint,
+        name,
+        others_are_over: false,
+        hold: u64::from(settings.playback.window.get() / 2).max(1),
+        held_scans: 0,
+        flush_every: Duration::from_secs_f64(settings.recorder.flush_s.get()),
+        flushed_at: Instant::now(),
+        last_scan: safe,
+        safe,
+        told: None,
+        trouble: None,
+    };
+    Ok(shell.run(&mut recorder)?)
+}
+
+/// The last scan that an earlier recorder of this run had in its file.
+fn load(checkpoint: &Checkpoint) -> u64 {
+    match checkpoint.load() {
+        Ok(bytes) => bytes.and_then(|bytes| Some(u64::from_le_bytes(bytes.try_into().ok()?))).unwrap_or_default(),
+        Err(error) => {
+            tracing::warn!("{error}");
+            0
+        }
+    }
+}
+
+struct Recorder {
+    inputs: Inputs,
+    tape: Tape,
+    file: LogFile,
+    checkpoint: Checkpoint,
+    name: String,
+    /// The run ends, and whoever could still say something has said it.
+    others_are_over: bool,
+    /// Scans after which to flush: lockstep waits for what is not in the file.
+    hold: u64,
+    held_scans: u64,
+    flush_every: Duration,
+    flushed_at: Instant,
+    /// The last scan taken.
+    last_scan: u64,
+    /// The last scan that is in the file.
+    safe: u64,
+    /// The last scan that was said to be in the file.
+    told: Option<u64>,
+    /// Why the file refuses, as it was last said.
+    trouble: Option<String>,
+}
+
+impl bus::Process for Recorder {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let more_waits = self.take_inputs()?;
+        let at_end = !more_waits && (context.stopping() || self.others_are_over);
+        if at_end {
+            self.finish()?;
+        } else if self.flush_is_due() {
+            self.flush()?;
+        }
+        self.report(context);
+        Ok(if at_end {
+            Next::Finished
+        } else if more_waits {
+            Next::Again
+        } else {
+            Next::WaitAtMost(self.flush_every.saturating_sub(self.flushed_at.elapsed()).max(Duration::from_millis(1)))
+        })
+    }
+}
+
+impl Recorder {
+    /// Takes what waits, up to a share; true when there may be more.
+    fn take_inputs(&mut self) -> Result<bool, StepError> {
+        let Self { inputs, tape, name, others_are_over, .. } = self;
+        let taken = inputs.take(tape, |status| *others_are_over |= is_alone(name, status))?;
+        self.held_scans += taken.scans;
+        self.last_scan = self.last_scan.max(self.inputs.last_scan());
+        Ok(taken.more)
+    }
+
+    fn flush_is_due(&self) -> bool {
+        if self.tape.is_blocked() {
+            return self.flushed_at.elapsed() >= RETRY;
+        }
+        self.held_scans >= self.hold || self.flushed_at.elapsed() >= self.flush_every
+    }
+
+    /// Brings what was recorded into the file. When that refuses, recording goes on once it takes it.
+    fn flush(&mut self) -> Result<(), StepError> {
+        self.flushed_at = Instant::now();
+        let was_blocked = self.tape.is_blocked();
+        match self.file.append(self.tape.flush()?) {
+            Ok(()) => {
+                self.tape.taken();
+                self.trouble = None;
+                if was_blocked {
+                    tracing::info!("recording again; {} messages were not recorded", self.tape.left_out());
+                }
+            }
+            Err(error) => {
+                self.tape.refused();
+                self.say_trouble(&error);
+            }
+        }
+        // What the file refuses for good is not waited for.
+        self.held_scans = 0;
+        if self.safe != self.last_scan {
+            self.safe = self.last_scan;
+            // Without it a restarted recorder is sent more than it lacks.
+            if let Err(error) = self.checkpoint.save(&self.safe.to_le_bytes()) {
+                tracing::debug!("{error}");
+            }
+        }
+        Ok(())
+    }
+
+    fn say_trouble(&mut self, error: &io::Error) {
+        let what = if error.kind() == io::ErrorKind::StorageFull { "the disk is full" } else { "the log cannot be written" };
+        let trouble = format!("{what}: {}: {error}", self.file.path().display());
+        if self.trouble.as_ref() != Some(&trouble) {
+            tracing::error!("{trouble}; what comes is not recorded until it can be");
+            self.trouble = Some(trouble);
+        }
+    }
+
+    /// Ends the log with its index. What is lost when the disk is full is the index: the log can be read without.
+    fn finish(&mut self) -> Result<(), StepError> {
+        self.flush()?;
+        if let Err(error) = self.file.append(self.tape.finish()?) {
+            self.say_trouble(&error);
+        }
+        tracing::info!("recorded {} bytes in {}", self.file.bytes(), self.file.path().display());
+        Ok(())
+    }
+
+    fn report(&mut self, context: &mut Context<'_>) {
+        if self.told != Some(self.safe) {
+            context.answered::<SonarScan>(self.safe);
+            self.told = Some(self.safe);
+        }
+        context.count("messages recorded", self.tape.recorded());
+        context.count("messages not recorded", self.tape.left_out());
+        context.count("bytes", self.file.bytes());
+        context.note(self.trouble.as_deref().unwrap_or_default());
+    }
+}
+
+/// Whether the run ends and every process but this one is over.
+fn is_alone(name: &str, status: &DeploymentStatus) -> bool {
+    let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
+    let processes = status.processes.iter().take(status.count as usize);
+    status.ending == 1 && processes.filter(|it| it.process.as_str() != name).all(|it| over.contains(&it.state))
+}
