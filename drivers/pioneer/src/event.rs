@@ -12,8 +12,11 @@ pub enum Event {
         /// Rounds over all baud rates.
         rounds: u64,
     },
-    /// The robot was open already, left so by a client that was killed: it has been told to close.
-    AlreadyOpen,
+    /// The robot was open already, left so by a client that was killed: it has been told to close. Said for the 1st, 2nd, 4th … time.
+    AlreadyOpen {
+        /// Times it was told.
+        closings: u64,
+    },
     /// The handshake succeeded.
     Connected {
         /// Who the robot says it is.
@@ -75,7 +78,10 @@ impl std::fmt::Display for Event {
         match self {
             Self::NoAnswer { rounds: 1 } => write!(f, "no robot answers at any baud rate; still trying"),
             Self::NoAnswer { rounds } => write!(f, "no robot has answered at any baud rate in {rounds} rounds; still trying"),
-            Self::AlreadyOpen => write!(f, "the robot was left open by an earlier client; closing it first"),
+            Self::AlreadyOpen { closings: 1 } => write!(f, "the robot was left open by an earlier client; closing it first"),
+            Self::AlreadyOpen { closings } => {
+                write!(f, "the robot stays open though it was told {closings} times to close: does the line carry what is sent to it?")
+            }
             Self::Connected { identity: Identity { name, class, subclass }, model, baud } => {
                 write!(f, "connected to {name:?}, a {class} {subclass} ({}), at {baud} baud", model.name)
             }

@@ -361,6 +361,25 @@ mod tests {
         assert!((odometry.pose().x_m - 21.0 * 790.0 * SCALE.distance_m).abs() < 1e-9);
     }
 
+    /// Within the limits of speed, so only the change of velocity gives it away: sideways at 1.5 m/s for one packet.
+    #[test]
+    fn a_step_that_no_robot_can_make_is_refused_even_below_the_limits() {
+        let mut odometry = driven();
+        let step = odometry.step(counters(20 * 790, 3000, 0, 32768), 20 * CYCLE_NS);
+        assert!(matches!(step, Step::Refused { distance_m, .. } if distance_m < 0.2), "{step:?}");
+        assert_eq!(odometry.step(counters(21 * 790, 0, 0, 32768), 21 * CYCLE_NS), Step::Taken);
+        assert!(odometry.pose().y_m.abs() < 1e-9);
+        assert!(matches!(odometry.step(counters(22 * 790, 0, 64, 32768), 22 * CYCLE_NS), Step::Refused { turn_rad, .. } if turn_rad < 0.4));
+    }
+
+    #[test]
+    fn a_robot_that_is_pushed_is_followed() {
+        let mut odometry = driven();
+        assert!(matches!(odometry.step(counters(20 * 790, 3000, 0, 32768), 20 * CYCLE_NS), Step::Refused { .. }));
+        assert_eq!(odometry.step(counters(20 * 790, 3500, 0, 32768), 21 * CYCLE_NS), Step::Taken);
+        assert!((odometry.pose().y_m - 3500.0 * SCALE.distance_m).abs() < 1e-9, "nothing of the push is lost");
+    }
+
     #[test]
     fn counters_set_to_zero_leave_the_pose_where_it_was() {
         let mut odometry = driven();

@@ -10,9 +10,10 @@ use settings::{Port as PortSetting, Settings};
 
 use crate::checkpoint::Checkpoint;
 use crate::command::Command;
+use crate::exchange::{Input, Output};
 use crate::parameters::Parameters;
 use crate::port::Port;
-use crate::session::{Input, Output, Session};
+use crate::session::Session;
 
 /// Name of the simulator's pseudo-terminal in the domain's folder.
 const SIMULATOR_PORT: &str = "robot";

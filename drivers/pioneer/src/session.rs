@@ -18,6 +18,7 @@ use crate::arrivals::{Arrivals, Rhythm};
 use crate::checkpoint::Checkpoint;
 use crate::command::Command;
 use crate::event::Event;
+use crate::exchange::{Input, Output};
 use crate::odometry::Track;
 use crate::parameters::Parameters;
 use crate::scanner::{Refusals, Scanner};
@@ -36,38 +37,6 @@ const GAP_NS: u64 = 350_000_000;
 
 /// More damaged packets in a row than noise makes: the limits are too low for this robot.
 const MANY_REFUSED: u32 = 10;
-
-/// What happens to a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Input<'a> {
-    /// The port is there, at [`Session::baud`].
-    Opened,
-    /// Bytes from the robot.
-    Bytes(&'a [u8]),
-    /// Time has passed; wanted by [`Session::due_ns`] at the latest.
-    Tick,
-    /// The port is gone.
-    Vanished,
-    /// The driver ends.
-    Stop,
-}
-
-/// What a session wants done, in this order.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Output {
-    /// Send this to the robot.
-    Send(Command),
-    /// Set the line to this baud rate and drop what waits to be read.
-    Baud(u32),
-    /// Drop what waits to be read.
-    Flush,
-    /// Close the port and open it again.
-    Reopen,
-    /// Keep this, then publish its scan.
-    Publish(Box<Checkpoint>),
-    /// Something to say.
-    Event(Event),
-}
 
 /// Where the conversation is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,6 +81,8 @@ pub struct Session {
     baud: usize,
     tries_after_echo: u32,
     rounds: u64,
+    /// Times that a robot left open was told to close, since the last connection.
+    closings: u64,
     connections: u64,
     /// What the deframer had counted when the last scan was made.
     counted: LinkCounters,
@@ -138,6 +109,7 @@ impl Session {
             baud: baud.unwrap_or(0),
             tries_after_echo: 0,
             rounds: 0,
+            closings: 0,
             connections: 0,
             counted: LinkCounters::default(),
             battery_v: None,
@@ -276,7 +248,11 @@ impl Session {
                     self.publish(&sip, stamp_ns, now_ns, out);
                 }
                 None => {
-                    out.extend([Output::Event(Event::AlreadyOpen), Output::Send(Command::Close)]);
+                    self.closings += 1;
+                    if self.closings.is_power_of_two() {
+                        out.push(Output::Event(Event::AlreadyOpen { closings: self.closings }));
+                    }
+                    out.push(Output::Send(Command::Close));
                     self.disconnected();
                     self.state = State::Closing { due_ns: now_ns + self.parameters.closing_ns };
                 }
@@ -399,6 +375,7 @@ impl Session {
         }
         self.connections += 1;
         self.rounds = 0;
+        self.closings = 0;
         self.tries_after_echo = 0;
         self.state = State::Open(self.opened(now_ns));
     }

@@ -61,10 +61,22 @@ fn no_robot_is_said() {
 fn a_robot_left_open_is_closed_first() {
     let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
     drive.run(5 * S);
-    assert!(matches!(&drive.events[..], [Event::AlreadyOpen, Event::Connected { .. }]), "{:?}", drive.events);
+    assert!(matches!(&drive.events[..], [Event::AlreadyOpen { closings: 1 }, Event::Connected { .. }]), "{:?}", drive.events);
     assert!(drive.scans.len() > 30);
     assert_eq!(drive.scans[0].scan.after_gap, 0, "nothing of this stream was lost");
     drive.check_stream();
+}
+
+#[test]
+fn a_robot_that_hears_nothing_does_not_fill_the_log() {
+    let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
+    drive.robot.deaf = true;
+    drive.run(30 * S);
+    let said: Vec<_> = [1, 2, 4, 8, 16, 32].map(|closings| Event::AlreadyOpen { closings }).into();
+    assert!(drive.events.len() >= 5 && said.starts_with(&drive.events), "{:?}", drive.events);
+    drive.robot.deaf = false;
+    drive.run(3 * S);
+    assert_eq!(connected(&drive), 1);
 }
 
 #[test]
@@ -141,7 +153,7 @@ fn a_pulled_cable_is_a_new_handshake_and_a_marked_gap() {
     drive.plugged = true;
     drive.run(5 * S);
     // The robot was still open: it is closed first.
-    assert!(drive.events.contains(&Event::AlreadyOpen));
+    assert!(drive.events.contains(&Event::AlreadyOpen { closings: 1 }));
     assert_eq!(connected(&drive), 2);
     assert_eq!((drive.scans[before].scan.after_gap, drive.scans[before].scan.pose.x_m), (1, pose));
     drive.check_stream();

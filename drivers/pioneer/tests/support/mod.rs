@@ -27,6 +27,8 @@ pub(crate) struct Robot {
     /// Metres travelled.
     pub x_m: f64,
     pub m_per_cycle: f64,
+    /// Whether what is said to it is lost.
+    pub deaf: bool,
     pub heard: Vec<u8>,
     pub next_sip_ns: u64,
     pub deframer: Deframer,
@@ -42,6 +44,7 @@ impl Robot {
             has_sonar_command: false,
             x_m: 0.0,
             m_per_cycle: 0.03,
+            deaf: false,
             heard: Vec::new(),
             next_sip_ns: 0,
             deframer: Deframer::new(),
@@ -62,7 +65,7 @@ impl Robot {
 
     /// What it answers to bytes that arrive at this baud rate.
     pub(crate) fn hear(&mut self, bytes: &[u8], baud: u32, now_ns: u64) -> Vec<u8> {
-        if baud != self.baud {
+        if self.deaf || baud != self.baud {
             return Vec::new();
         }
         let mut answer = Vec::new();
