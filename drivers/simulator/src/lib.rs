@@ -1,4 +1,18 @@
-//! A simulated world with walkers, and the robot in it.
+//! A simulated world with walkers, and the robot in it, which a client meets at a serial port.
+//!
+//! | part | is |
+//! | --- | --- |
+//! | [`World`] | what stands and walks, and the robot's way, as a file has it |
+//! | [`Simulation`] | the drive: a packet every 100 ms of what the robot knows, with the truth behind it |
+//! | [`RobotEnd`] | the robot's end of the serial protocol: bytes in, bytes out |
+//! | [`run`] | the process: a pseudo-terminal, the deployment's clock, the truth on the bus |
+//!
+//! All but the process is pure. The drive is a function of world, robot and seed: where anything is, is a function of time, and
+//! each ping has random numbers of its own. So a drive is the same however often it is stopped and taken up, and the same walls
+//! sound the same whoever walks before them.
+//!
+//! Terms: the *world's frame* is that of the file; odometry is told in the frame of the robot's start, the map's origin.
+//! Sound is flat: everything stands as high as the sonars.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod body;
@@ -22,5 +36,5 @@ pub mod world;
 pub use body::Body;
 pub use process::{PORT_NAME, SimulatorError, read_world, run};
 pub use robot_end::RobotEnd;
-pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, Simulation};
+pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, STANDSTILL_NS, Simulation};
 pub use world::World;

@@ -17,6 +17,9 @@ pub const PACKET_INTERVAL_NS: u64 = 100_000_000;
 /// Time from one ping to the next: a Pioneer fires 25 sonars a second, in turn.
 pub const PING_INTERVAL_NS: u64 = 40_000_000;
 
+/// How long the robot stands before it sets off: the first packets show a client the start, which is the origin of its map.
+pub const STANDSTILL_NS: u64 = 1_000_000_000;
+
 /// A reading that is new in a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
@@ -71,7 +74,7 @@ impl Simulation {
             still: Still::of(world),
             walkers: world.walkers.iter().take(MAX_WALKERS).map(Walker::new).collect(),
             hearing: Hearing::new(&world.sonar, &world.surfaces),
-            journey: Journey::new(0.0, start, world.robot.speed_m_s.get(), turning, &waypoints),
+            journey: Journey::new(seconds(STANDSTILL_NS), start, world.robot.speed_m_s.get(), turning, &waypoints),
             odometry: Odometry::new(world.odometry, start),
             world: world.clone(),
             body: body.clone(),

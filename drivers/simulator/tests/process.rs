@@ -13,7 +13,7 @@ use psos::{Command, Deframer, Sip, number};
 use rustix::event::{PollFd, PollFlags, poll};
 use settings::Settings;
 
-/// Three metres towards a wall at 0.5 m/s, 6 s: so short that the terminal holds all of its packets and none is ever lost.
+/// A second at rest, then three metres towards a wall at 0.5 m/s: so short that the terminal holds all of its packets and none is ever lost.
 const WORLD: &str = "
     robot = { start_m = [1, 0], speed_m_s = 0.5, way = [{ to_m = [4, 0] }] }
     wall = [{ along_m = [[6, -2], [6, 2]] }]
@@ -150,9 +150,9 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let sips = ride(&mut connect(&deployment.port()), &mut truths);
     simulator.join().unwrap();
 
-    assert_eq!(sips.len(), 60, "6 s, ten a second, none lost");
-    assert_eq!(truths.taken.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), (1..=60).collect::<Vec<_>>());
-    assert_eq!(truths.ended, Some(60));
+    assert_eq!(sips.len(), 70, "7 s, ten a second, none lost");
+    assert_eq!(truths.taken.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), (1..=70).collect::<Vec<_>>());
+    assert_eq!(truths.ended, Some(70));
     for (sip, (seq, truth)) in sips.iter().zip(&truths.taken) {
         let claimed = (truth.odometry.x_m * 1000.0 / 0.05066).round().rem_euclid(32768.0);
         assert_eq!(f64::from(sip.x), claimed, "packet {seq}");
@@ -164,7 +164,7 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
     assert_eq!(chunks, [(1, 1, 1.0)]);
     let membership = deployment.domain.membership_for("robot", 1, "settings.toml".as_ref());
-    assert_eq!(Shell::join(membership).unwrap().checkpoint().load().unwrap(), Some(state(60, 60)));
+    assert_eq!(Shell::join(membership).unwrap().checkpoint().load().unwrap(), Some(state(70, 70)));
     drop(truths);
     assert!(!deployment.port().exists());
     deployment.domain.close().unwrap();
@@ -182,9 +182,9 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
     let sips = ride(&mut connect(&deployment.port()), &mut truths);
     simulator.join().unwrap();
 
-    assert_eq!(sips.len(), 20);
-    assert_eq!((truths.taken[0].0, truths.ended), (39, Some(58)));
-    assert!((truths.taken[0].1.odometry.x_m - 41.0 * 0.05).abs() < 1e-9, "the world remembers");
+    assert_eq!(sips.len(), 30);
+    assert_eq!((truths.taken[0].0, truths.ended), (39, Some(68)));
+    assert!((truths.taken[0].1.odometry.x_m - 31.0 * 0.05).abs() < 1e-9, "the world remembers");
     assert_eq!(f64::from(sips[0].x), (50.0_f64 / 0.05066).round(), "the robot has forgotten: 5 cm since it was switched on");
     drop(truths);
     deployment.domain.close().unwrap();
