@@ -106,11 +106,11 @@ fn score(prefix: &str, options: &Options) -> Result<()> {
     let mut dump = options.dump.as_ref().map(|folder| File::create(format!("{folder}/{name}.raw"))).transpose()?;
     let (mut state, mut score) = (State::new(options.settings.clone()), Score::default());
     let (mut bytes, mut truth) = (Vec::new(), Vec::new());
-    let (mut number, mut not_compensated, mut seconds) = (0_u64, 0_u64, 0.0);
+    let (mut number, mut not_compensated, mut times) = (0_u64, 0_u64, Vec::new());
     while frames.read(&mut bytes)? && labels.read(&mut truth)? {
-        let begin = cpu_seconds()?;
+        let begin = std::time::Instant::now();
         let answer = state.step(&Frame { stamp_ns: (number + 1) * 66_666_667, layout, bytes: &bytes, odometry: None });
-        seconds += cpu_seconds()? - begin;
+        times.push(begin.elapsed().as_secs_f64());
         not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
         let (Some(mask), Some(background)) = (state.mask(), state.background()) else { bail!("{:?}", answer.remark) };
         if let Some(file) = &mut dump {
@@ -125,13 +125,9 @@ fn score(prefix: &str, options: &Options) -> Result<()> {
         number += 1;
     }
     let (f1, precision, recall, blobs) = (score.f1(), score.precision(), score.recall(), score.false_blobs_per_frame());
-    let (shadow, ms) = (score.shadow_as_foreground(), 1e3 * seconds / number.max(1) as f64);
+    // The median: the machine may be busy with other things.
+    times.sort_by(f64::total_cmp);
+    let (shadow, ms) = (score.shadow_as_foreground(), 1e3 * times.get(times.len() / 2).copied().unwrap_or(0.0));
     println!("{name:28} {f1:6.3} {precision:9.3} {recall:6.3} {blobs:11.3} {shadow:6.3} {ms:6.2} {not_compensated:15}");
     Ok(())
-}
-
-/// CPU time of this thread: the machine may be busy with other things.
-fn cpu_seconds() -> Result<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    Ok(text.split(' ').next().context("schedstat")?.parse::<f64>()? * 1e-9)
 }

@@ -21,23 +21,29 @@ pub(crate) struct Agreement {
 
 /// Compares the samples of the current frame with the previous one at T x; a sample that leaves the picture has no say.
 pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transform: &Transform) -> Agreement {
-    let (right, bottom) = ((previous.image.width() - 1) as f64, (previous.image.height() - 1) as f64);
+    let (right, bottom) = ((previous.image.width() - 1) as f32, (previous.image.height() - 1) as f32);
+    let m = transform.rows().map(|x| x as f32);
     let (mut all, mut agree) = (0_u32, 0_u32);
-    let mut sum = Covariance { uu: 0.0, uv: 0.0, vv: 0.0 };
-    for s in samples {
-        let [u, v] = transform.apply([f64::from(s.u), f64::from(s.v)]);
+    let mut sum = [0.0_f32; 3];
+    // Every second one tells as much.
+    for s in samples.iter().step_by(2) {
+        let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
+        let u = (m[0] * s.u + m[1] * s.v + m[2]) * scale;
+        let v = (m[3] * s.u + m[4] * s.v + m[5]) * scale;
         if !(u >= 0.0 && v >= 0.0 && u <= right && v <= bottom) {
             continue;
         }
         all += 1;
-        let e = s.value - gain * previous.image.bilinear(u as f32, v as f32);
+        let e = s.value - gain * previous.image.bilinear_inside(u, v);
         let squared = s.gradient_u * s.gradient_u + s.gradient_v * s.gradient_v;
         if e.abs() > NOISE + SHIFT_PX * squared.sqrt() {
             continue;
         }
         agree += 1;
-        let (du, dv) = (f64::from(e * s.gradient_u / squared), f64::from(e * s.gradient_v / squared));
-        sum = Covariance { uu: sum.uu + du * du, uv: sum.uv + du * dv, vv: sum.vv + dv * dv };
+        let per_squared = e / squared;
+        let (du, dv) = (per_squared * s.gradient_u, per_squared * s.gradient_v);
+        sum = [sum[0] + du * du, sum[1] + du * dv, sum[2] + dv * dv];
     }
-    Agreement { inliers: f64::from(agree) / f64::from(all.max(1)), sigma: sum.times(1.0 / f64::from(agree.max(1))) }
+    let [uu, uv, vv] = sum.map(|x| f64::from(x) / f64::from(agree.max(1)));
+    Agreement { inliers: f64::from(agree) / f64::from(all.max(1)), sigma: Covariance { uu, uv, vv } }
 }

@@ -43,7 +43,9 @@ pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Op
         best = better(best, judge(guess));
     }
     let estimate = match settings.method {
-        Method::Direct => direct::estimate(frames.current, frames.previous, frames.moving, frames.gain, settings.class, best.transform),
+        Method::Direct => {
+            direct::estimate(frames.current, frames.previous, frames.moving, &samples, frames.gain, settings.class, best.transform)
+        }
         Method::Icp => icp::estimate(frames.current.base(), frames.previous.base(), frames.moving, settings.class, best.transform),
     };
     if let Some(estimate) = estimate {

@@ -80,6 +80,15 @@ pub fn components(mask: &Plane<u8>) -> Components {
     number(runs, &mut parent)
 }
 
+/// The runs of a mask, row by row, left to right; their component is 0.
+pub(crate) fn runs(mask: &Plane<u8>) -> Vec<Run> {
+    let mut runs = Vec::new();
+    for row in 0..mask.height() {
+        push_runs(mask.row(row), row, &mut runs);
+    }
+    runs
+}
+
 fn push_runs(pixels: &[u8], row: usize, runs: &mut Vec<Run>) {
     let mut u = 0;
     while u < pixels.len() {

@@ -15,20 +15,22 @@ const STEP_MIN_PX: f64 = 0.02;
 
 /// The transform of a class that best maps the current frame into the previous one, from a start nearby.
 ///
-/// `moving` marks pixels that take no part; `gain` is the brightness of the current frame over the previous one.
+/// `moving` marks pixels that take no part, `base_samples` are those of the finest level that do; `gain` is the brightness of the current frame over the previous one.
 pub(crate) fn estimate(
     current: &Pyramid,
     previous: &Pyramid,
     moving: &Plane<u8>,
+    base_samples: &[Sample],
     gain: f32,
     class: Class,
     start: Transform,
 ) -> Option<Transform> {
     let mut transform = start.scaled(0.5_f64.powi(LEVELS as i32 - 1))?;
     for k in (0..LEVELS).rev() {
-        let samples = strongest(&current.levels[k], k, moving);
+        let coarse = if k == 0 { Vec::new() } else { strongest(&current.levels[k], k, moving) };
+        let samples = if k == 0 { base_samples } else { &coarse[..] };
         for _ in 0..STEPS[k] {
-            let Some((next, moved)) = step(&samples, &previous.levels[k], gain, class, &transform) else { break };
+            let Some((next, moved)) = step(samples, &previous.levels[k], gain, class, &transform) else { break };
             transform = next;
             if moved < STEP_MIN_PX {
                 break;
@@ -46,7 +48,7 @@ pub(crate) fn estimate(
 fn step(samples: &[Sample], previous: &Level, gain: f32, class: Class, transform: &Transform) -> Option<(Transform, f64)> {
     let (width, height) = (previous.image.width(), previous.image.height());
     let residuals = residuals(samples, previous, gain, transform);
-    let mut sizes: Vec<f32> = residuals.iter().filter(|e| e.is_finite()).map(|e| e.abs()).collect();
+    let mut sizes: Vec<f32> = residuals.iter().step_by(4).filter(|e| e.is_finite()).map(|e| e.abs()).collect();
     // 1.4826 turns the median absolute residual of a Gaussian into its σ; noise is never taken as below a grey level.
     let scale = 2.5 * (1.4826 * order::select(&mut sizes, 0.5)?).max(1.0);
     let (centre_u, centre_v, unit) = (0.5 * width as f32, 0.5 * height as f32, 2.0 / width as f32);
@@ -81,7 +83,7 @@ fn residuals(samples: &[Sample], previous: &Level, gain: f32, transform: &Transf
         let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
         let u = (m[0] * s.u + m[1] * s.v + m[2]) * scale;
         let v = (m[3] * s.u + m[4] * s.v + m[5]) * scale;
-        if u >= 0.0 && v >= 0.0 && u <= right && v <= bottom { gain * previous.image.bilinear(u, v) - s.value } else { f32::NAN }
+        if u >= 0.0 && v >= 0.0 && u <= right && v <= bottom { gain * previous.image.bilinear_inside(u, v) - s.value } else { f32::NAN }
     };
     samples.iter().map(at).collect()
 }

@@ -22,6 +22,7 @@ mod picture;
 pub mod plane;
 mod pyramid;
 mod resample;
+mod rounding;
 mod samples;
 mod scene;
 pub mod score;

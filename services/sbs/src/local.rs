@@ -16,14 +16,14 @@ pub struct LocalRule {
     /// Largest displacement, px of the picture that motion is estimated in.
     pub reach_px: f32,
     /// Robust scale of the residuals in each step, grey levels.
-    pub scales: [f32; 3],
+    pub scales: [f32; 2],
     /// Share of the model in the picture that the current frame is compared with; the rest is the previous frame.
     pub model_share: f32,
 }
 
 impl Default for LocalRule {
     fn default() -> Self {
-        Self { lambda: 0.2, mu: 0.02, reach_px: 3.0, scales: [9.0, 6.0, 4.0], model_share: 0.6 }
+        Self { lambda: 0.2, mu: 0.02, reach_px: 3.0, scales: [6.0, 3.5], model_share: 0.6 }
     }
 }
 
@@ -61,18 +61,22 @@ pub(crate) fn estimate(current: &Level, reference: &Plane<f32>, moving: &Plane<u
     motion
 }
 
-/// The pixels of every other diagonal with a gradient that says something, row by row, and where each row ends: neighbours share
-/// most of what they know.
+/// Of each pair of neighbours in a row the one with the stronger gradient, if it says something, row by row, and where each row
+/// ends: neighbours share most of what they know.
 fn pixels(current: &Level, moving: &Plane<u8>) -> (Vec<Pixel>, Vec<usize>) {
     let (width, height) = (current.image.width(), current.image.height());
     let mut pixels = Vec::with_capacity(width * height / 3);
     let mut ends = Vec::with_capacity(height);
+    let mut strength = vec![0.0_f32; width];
     for v in 0..height {
         let (image, row_u, row_v, out) = (current.image.row(v), current.gradient_u.row(v), current.gradient_v.row(v), moving.row(v));
-        let all = image.iter().zip(row_u).zip(row_v).zip(out).enumerate().skip(v & 1).step_by(2);
-        for (u, (((&value, &gradient_u), &gradient_v), &out)) in all {
-            if gradient_u * gradient_u + gradient_v * gradient_v >= GRADIENT_MIN * GRADIENT_MIN && out == 0 {
-                pixels.push(Pixel { u: u as u32, value, gradient_u, gradient_v });
+        for ((s, &gu), &gv) in strength.iter_mut().zip(row_u).zip(row_v) {
+            *s = gu * gu + gv * gv;
+        }
+        for (pair, s) in strength.chunks_exact(2).enumerate() {
+            let u = 2 * pair + usize::from(s[1] > s[0]);
+            if s[0].max(s[1]) >= GRADIENT_MIN * GRADIENT_MIN && out[u] == 0 {
+                pixels.push(Pixel { u: u as u32, value: image[u], gradient_u: row_u[u], gradient_v: row_v[u] });
             }
         }
         ends.push(pixels.len());
@@ -88,6 +92,9 @@ fn accumulate(pixels: &[Pixel], ends: &[usize], reference: &Plane<f32>, motion: 
     let per_scale = 1.0 / scale;
     let mut first = 0;
     for (v, &end) in ends.iter().enumerate() {
+        if first == end {
+            continue;
+        }
         motion.places(v, width, &mut places);
         let row = &mut cells[v / edge * columns..][..columns];
         for p in &pixels[first..end] {
@@ -95,7 +102,7 @@ fn accumulate(pixels: &[Pixel], ends: &[usize], reference: &Plane<f32>, motion: 
             if !(pu >= 0.0 && pv >= 0.0 && pu <= right && pv <= bottom) {
                 continue;
             }
-            let e = p.value - reference.bilinear(pu, pv);
+            let e = p.value - reference.bilinear_inside(pu, pv);
             let t = e * per_scale;
             let weight = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
             let (wu, wv) = (weight * p.gradient_u, weight * p.gradient_v);

@@ -1,5 +1,7 @@
 //! One value a pixel.
 
+use crate::rounding::{below, limited, whole_number};
+
 /// A picture of one value a pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plane<T> {
@@ -73,19 +75,28 @@ impl<T: Copy> Plane<T> {
 }
 
 impl Plane<f32> {
-    /// The value between pixels, linear along both axes; outside, that of the nearest border pixel.
+    /// The value between pixels, linear along both axes; outside, that of the nearest border pixel. The picture is at least 2 × 2.
     #[must_use]
     #[inline]
     pub fn bilinear(&self, u: f32, v: f32) -> f32 {
-        let u = u.clamp(0.0, (self.width - 1) as f32);
-        let v = v.clamp(0.0, (self.height - 1) as f32);
-        let (iu, iv) = ((u as usize).min(self.width.saturating_sub(2)), (v as usize).min(self.height.saturating_sub(2)));
-        let (fu, fv) = (u - iu as f32, v - iv as f32);
-        let at = iv * self.width + iu;
-        let upper = &self.data[at..at + 2];
-        let lower = &self.data[at + self.width..at + self.width + 2];
-        let top = upper[0] + fu * (upper[1] - upper[0]);
-        let bottom = lower[0] + fu * (lower[1] - lower[0]);
-        top + fv * (bottom - top)
+        self.bilinear_inside(limited(u, (self.width - 1) as f32), limited(v, (self.height - 1) as f32))
     }
+
+    /// The same for a place from 0 to the last column and row.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn bilinear_inside(&self, u: f32, v: f32) -> f32 {
+        let (below_u, below_v) = (below(u, (self.width - 1) as f32), below(v, (self.height - 1) as f32));
+        let at = whole_number(below_v) as usize * self.width + whole_number(below_u) as usize;
+        mix(&self.data, at, self.width, u - below_u, v - below_v)
+    }
+}
+
+/// Linear along both axes between the pixel at `at`, its right and its lower neighbours.
+#[inline(always)]
+pub(crate) fn mix(values: &[f32], at: usize, stride: usize, share_u: f32, share_v: f32) -> f32 {
+    let block = &values[at..at + stride + 2];
+    let top = block[0] + share_u * (block[1] - block[0]);
+    let bottom = block[stride] + share_u * (block[stride + 1] - block[stride]);
+    top + share_v * (bottom - top)
 }

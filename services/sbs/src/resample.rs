@@ -1,7 +1,8 @@
 //! Values between pixels for a row of places: Catmull–Rom for means, linear for variances, nearest for counts.
 
 use crate::motion::Places;
-use crate::plane::Plane;
+use crate::plane::{Plane, mix};
+use crate::rounding::{below, limited, whole_number};
 
 /// One row's places, split into a whole pixel and a share of the way to the next.
 #[derive(Debug, Default)]
@@ -31,22 +32,25 @@ fn weights(t: f32) -> [f32; 4] {
 impl Grid {
     /// Splits the places of a row for a picture of a size of at least 2 × 2.
     pub(crate) fn set(&mut self, places: &Places, width: usize, height: usize) {
-        self.at.clear();
-        self.share_u.clear();
-        self.share_v.clear();
-        self.inside.clear();
+        let count = places.u.len();
+        self.at.resize(count, 0);
+        self.share_u.resize(count, 0.0);
+        self.share_v.resize(count, 0.0);
+        self.inside.resize(count, 0);
         let (w, h) = (width as f32, height as f32);
-        for (&u, &v) in places.u.iter().zip(&places.v) {
-            let held = u > -0.5 && v > -0.5 && u < w - 0.5 && v < h - 0.5;
-            let whole = u >= 1.0 && v >= 1.0 && u < w - 2.0 && v < h - 2.0;
+        let (last_u, last_v, stride) = (w - 1.0, h - 1.0, width as i32);
+        let shares = self.share_u.iter_mut().zip(&mut self.share_v);
+        let out = self.at.iter_mut().zip(shares).zip(&mut self.inside);
+        for (((at, (share_u, share_v)), inside), (&u, &v)) in out.zip(places.u.iter().zip(&places.v)) {
+            let held = (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5);
+            let whole = (u >= 1.0) & (v >= 1.0) & (u < w - 2.0) & (v < h - 2.0);
             // Within half a pixel of the border the border's own value stands.
-            let u = if u > 0.0 { if u < w - 1.0 { u } else { w - 1.0 } } else { 0.0 };
-            let v = if v > 0.0 { if v < h - 1.0 { v } else { h - 1.0 } } else { 0.0 };
-            let (iu, iv) = ((u as i32).min(width as i32 - 2), (v as i32).min(height as i32 - 2));
-            self.at.push((iv * width as i32 + iu) as u32);
-            self.share_u.push(u - iu as f32);
-            self.share_v.push(v - iv as f32);
-            self.inside.push(u8::from(held) + u8::from(whole));
+            let (u, v) = (limited(u, last_u), limited(v, last_v));
+            let (below_u, below_v) = (below(u, last_u), below(v, last_v));
+            *at = (whole_number(below_v) * stride + whole_number(below_u)) as u32;
+            *share_u = u - below_u;
+            *share_v = v - below_v;
+            *inside = held as u8 + whole as u8;
         }
     }
 
@@ -85,6 +89,15 @@ impl Grid {
         }
     }
 
+    /// Linear along both axes where `wanted` is not 0; the rest stays.
+    pub(crate) fn linear_where(&self, wanted: &[u8], from: &Plane<f32>, out: &mut [f32]) {
+        let (stride, values) = (from.width(), from.values());
+        let places = self.at.iter().zip(&self.share_u).zip(&self.share_v);
+        for ((o, ((&at, &tu), &tv)), _) in out.iter_mut().zip(places).zip(wanted).filter(|(_, wanted)| **wanted != 0) {
+            *o = mix(values, at as usize, stride, tu, tv);
+        }
+    }
+
     /// The value of the nearest pixel.
     pub(crate) fn nearest<T: Copy>(&self, from: &Plane<T>, out: &mut [T]) {
         let (stride, values) = (from.width(), from.values());
@@ -92,12 +105,4 @@ impl Grid {
             *o = values[at as usize + usize::from(tu >= 0.5) + if tv >= 0.5 { stride } else { 0 }];
         }
     }
-}
-
-#[inline(always)]
-fn mix(values: &[f32], at: usize, stride: usize, tu: f32, tv: f32) -> f32 {
-    let block = &values[at..at + stride + 2];
-    let top = block[0] + tu * (block[1] - block[0]);
-    let bottom = block[stride] + tu * (block[stride + 1] - block[stride]);
-    top + tv * (bottom - top)
 }

@@ -6,7 +6,7 @@ use crate::agreement::Agreement;
 use crate::alignment::{Covariance, region};
 use crate::blobs::{self, Evidence};
 use crate::compensation::{self, Found, Frames};
-use crate::components::{Component, components};
+use crate::components::{Component, Run, components, runs};
 use crate::field::Field;
 use crate::learning::Training;
 use crate::local;
@@ -44,6 +44,8 @@ pub(crate) struct Scene {
     pub(crate) base: Plane<f32>,
     pub(crate) pyramid: Pyramid,
     pub(crate) model: Model,
+    /// Memory of the model before the last resampling, for the next one.
+    pub(crate) spare: Model,
     /// From the last picture's frame to the model's, base px: what has not been worth a resampling yet.
     pub(crate) carry: Field,
     /// The last motion; the prediction of the next.
@@ -118,6 +120,7 @@ impl Scene {
             pyramid,
             base,
             model,
+            spare: Model::default(),
             carry: still.clone(),
             motion: Motion { transform: Transform::identity(), field: still },
             foreground: Plane::filled(width, height, 0),
@@ -187,7 +190,8 @@ impl Scene {
         let factor = 1_usize << halvings(self.width);
         if whole.rms() * factor as f32 > settings.resample_px {
             if let Some(motion) = to_model.scaled(factor) {
-                self.model = self.model.resampled(&motion, now.picture, &settings.background);
+                std::mem::swap(&mut self.model, &mut self.spare);
+                self.model.resample(&self.spare, &motion, now.picture, &settings.background);
             }
             self.carry = whole.times(0.0);
             // What was seen before is not what these pixels see now.
@@ -218,21 +222,18 @@ impl Scene {
         let halvings = halvings(self.width);
         let (mut places, mut places_of) = (Places::default(), usize::MAX);
         let before = &self.base;
-        for v in 0..self.height {
+        for Run { row: v, start, end, .. } in runs(&foreground) {
             let base_v = (v >> halvings).min(now.base.height() - 1);
-            for u in 0..self.width {
+            if places_of != base_v {
+                self.motion.places(base_v, now.base.width(), &mut places);
+                places_of = base_v;
+            }
+            for u in start..end {
                 let at = v * self.width + u;
-                if foreground.values()[at] == 0 {
-                    continue;
-                }
                 let z = now.picture.values()[at];
                 if !around.is_empty() && self.model.explained_around(u, v, z, &around, rule.k) {
                     foreground.values_mut()[at] = 0;
                     continue;
-                }
-                if places_of != base_v {
-                    self.motion.places(base_v, now.base.width(), &mut places);
-                    places_of = base_v;
                 }
                 let base_u = (u >> halvings).min(now.base.width() - 1);
                 let difference = now.base.row(base_v)[base_u] - now.gain * before.bilinear(places.u[base_u], places.v[base_u]);

@@ -3,6 +3,7 @@
 //! S alone swallows dark clothing in grey images: it counts only below the horizon row and where the ratio to B is locally
 //! constant. Where S was not learned it is any ratio that a shadow indoors has.
 
+use crate::components::{Run, runs};
 use crate::model::Model;
 use crate::plane::Plane;
 
@@ -28,12 +29,9 @@ pub(crate) fn dropped(foreground: &Plane<u8>, picture: &Plane<f32>, model: &Mode
     let mut out = foreground.clone();
     let (width, height) = (picture.width(), picture.height());
     let mean = &model.background.mean;
-    for v in first..height {
-        for u in 0..width {
+    for Run { row: v, start, end, .. } in runs(foreground).into_iter().filter(|run| run.row >= first) {
+        for u in start..end {
             let at = v * width + u;
-            if foreground.values()[at] == 0 {
-                continue;
-            }
             let value = picture.values()[at] / mean.values()[at].max(1.0);
             let learned = model.shadow.as_ref().is_some_and(|s| {
                 let (ratio, sigma) = (s.ratio.values()[at], s.sigma.values()[at]);
