@@ -1,2 +1,73 @@
 //! The `stillmap` command.
-fn main() {}
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod check;
+mod cli;
+mod demo;
+mod drive;
+mod exit;
+mod log;
+mod logging;
+mod map;
+mod output;
+mod process;
+mod progress;
+mod replay;
+mod status;
+
+use clap::Parser;
+use cli::{Cli, Command};
+use indicatif::MultiProgress;
+use std::io::Write;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let command = Cli::parse().command;
+    // What a process says goes to its supervisor; everything else goes to people.
+    let is_process = matches!(command, Command::Process { .. });
+    let bars = MultiProgress::new();
+    let result = if is_process { logging::to_the_supervisor() } else { logging::to_people(bars.clone()) };
+    match result.and_then(|()| carry_out(command, &bars)) {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            if is_process {
+                tracing::error!("{error}");
+            } else {
+                // Nowhere is left to complain of standard error.
+                let _ = writeln!(std::io::stderr(), "error: {error}");
+            }
+            ExitCode::from(exit::code(&error))
+        }
+    }
+}
+
+fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
+    match command {
+        Command::Run { settings, options } => run(&settings, &options, bars),
+        Command::Demo { options, world } => demo::demo(&options, world.as_deref(), bars),
+        Command::Replay { log, pace, options } => replay::replay(&log, pace, &options, bars),
+        Command::Status { json, which } => status::status(json, &which),
+        Command::Map { out, which } => map::map(&out, &which),
+        Command::Log(command) => log::log(&command),
+        Command::Check { settings: Some(settings), .. } => check::check(&settings),
+        Command::Check { schema: true, .. } => print(&settings::schema()),
+        Command::Check { .. } => print(&settings::reference()),
+        Command::Process { kind } => process::process(&kind),
+        Command::Guard { directory } => {
+            supervisor::guard(&directory)?;
+            Ok(0)
+        }
+    }
+}
+
+fn run(path: &std::path::Path, options: &cli::RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let mut settings = check::read(path)?;
+    drive::place_output(&mut settings, options)?;
+    tracing::info!("deployment {}: Ctrl-C ends it, and the map is written", settings.name);
+    drive::drive(&settings, options.speed.unwrap_or(1.0), bars)
+}
+
+fn print(text: &str) -> anyhow::Result<u8> {
+    output::write(text)?;
+    Ok(0)
+}

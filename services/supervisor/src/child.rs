@@ -115,14 +115,9 @@ impl Child {
 
     /// Processor time and memory so far.
     pub(crate) fn usage(&self) -> Option<Usage> {
-        usage(self.pid())
+        let read = |file: &str| std::fs::read_to_string(format!("/proc/{}/{file}", self.pid())).ok();
+        Usage::read(&read("stat")?, &read("statm")?)
     }
-}
-
-/// Processor time and memory of a process.
-pub(crate) fn usage(pid: u32) -> Option<Usage> {
-    let read = |file: &str| std::fs::read_to_string(format!("/proc/{pid}/{file}")).ok();
-    Usage::read(&read("stat")?, &read("statm")?)
 }
 
 fn exit(status: ExitStatus) -> Exit {

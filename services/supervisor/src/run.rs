@@ -1,6 +1,6 @@
 //! The shell around the state machine: children, the bus, the clock, signals.
 
-use crate::child::{Child, usage};
+use crate::child::Child;
 use crate::deployment::Deployment;
 use crate::events::{Action, Event};
 use crate::guard::Guard;
@@ -59,7 +59,6 @@ struct Supervisor<'a> {
     deployment: Deployment,
     children: Vec<Option<Child>>,
     vitals: Vec<Vitals>,
-    own_vitals: Vitals,
     units: MachineUnits,
     sampled: Duration,
     statuses: u64,
@@ -89,7 +88,6 @@ impl<'a> Supervisor<'a> {
             ports,
             children: std::iter::repeat_with(|| None).take(count).collect(),
             vitals: vec![Vitals::default(); count],
-            own_vitals: Vitals::default(),
             units: MachineUnits { ticks_per_s: rustix::param::clock_ticks_per_second(), page_bytes: rustix::param::page_size() as u64 },
             sampled: Duration::ZERO,
             statuses: 0,
@@ -299,7 +297,6 @@ impl<'a> Supervisor<'a> {
                     vitals.sample(child.usage(), self.units, now);
                 }
             }
-            self.own_vitals.sample(usage(std::process::id()), self.units, now);
         }
         if due || changed || self.statuses == 0 {
             let status = self.status(now);
@@ -319,9 +316,8 @@ impl<'a> Supervisor<'a> {
             ending: u32::from(self.deployment.ending().is_some()),
             ..DeploymentStatus::default()
         };
-        let own = self.own_vitals.own_status();
         let each = self.deployment.processes().iter().zip(&self.vitals).zip(&self.children);
-        let all = each.map(|((it, vitals), child)| vitals.status(it, child.as_ref().map_or(0, Child::pid), now)).chain([own]);
+        let all = each.map(|((it, vitals), child)| vitals.status(it, child.as_ref().map_or(0, Child::pid), now));
         for (place, process) in status.processes.iter_mut().zip(all.take(MAX_PROCESSES)) {
             *place = process;
             status.count += 1;

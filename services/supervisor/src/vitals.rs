@@ -1,9 +1,8 @@
 //! What is known of one process: its last heartbeat, its rates, what it uses.
 
 use crate::lifecycle::Lifecycle;
-use crate::notices::SUPERVISOR;
 use crate::usage::Usage;
-use messages::{Heartbeat, ProcessState, ProcessStatus, Text};
+use messages::{Heartbeat, ProcessStatus, Text};
 use std::time::Duration;
 
 /// The measures of one process.
@@ -93,18 +92,6 @@ impl Vitals {
             pid,
             state: lifecycle.process_state() as u32,
             restarts: lifecycle.restarted(),
-        }
-    }
-
-    /// The supervisor's own line: it sends no heartbeat to itself.
-    pub(crate) fn own_status(&self) -> ProcessStatus {
-        ProcessStatus {
-            process: Text::new(SUPERVISOR),
-            cpu: self.cpu.min(1e4),
-            resident_bytes: self.resident_bytes,
-            pid: std::process::id(),
-            state: ProcessState::Running as u32,
-            ..ProcessStatus::default()
         }
     }
 

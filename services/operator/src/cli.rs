@@ -1,0 +1,162 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Maps what stands still, from a robot that drives among people.
+#[derive(Debug, Parser)]
+#[command(name = "stillmap", version, about, arg_required_else_help = true, after_help = AFTER_HELP)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const AFTER_HELP: &str = "\
+Exit codes: 0 all went well; 1 stillmap itself could not go on; 2 a file or an argument cannot be used; \
+3 the run ended, but a process had failed for good; 130 everything was killed on request.
+Environment: STILLMAP_LOG=debug (or mapping=debug,…) tells more; STILLMAP_RUNTIME_DIR holds running deployments.";
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Runs the deployment that a settings file describes, until Ctrl-C or its end
+    Run {
+        /// The settings file
+        #[arg(value_name = "FILE")]
+        settings: PathBuf,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Drives a simulated robot down a corridor with people in it, and maps the corridor
+    Demo {
+        #[command(flatten)]
+        options: RunOptions,
+        /// Another world than the built-in corridor
+        #[arg(long, value_name = "FILE")]
+        world: Option<PathBuf>,
+    },
+    /// Makes the map again from the log of a drive
+    Replay {
+        /// The log
+        #[arg(value_name = "LOG")]
+        log: PathBuf,
+        /// As fast as the machine goes and the same every time, or at the pace of the drive
+        #[arg(long, value_enum, default_value_t = Pace::Lockstep)]
+        pace: Pace,
+        #[command(flatten)]
+        options: RunOptions,
+    },
+    /// Tells how the processes of a running deployment are
+    Status {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+        #[command(flatten)]
+        which: Which,
+    },
+    /// Writes the map of a running deployment as it is now
+    Map {
+        /// Folder for the map; made when it is not there
+        #[arg(long, value_name = "DIR", default_value = "map-out")]
+        out: PathBuf,
+        #[command(flatten)]
+        which: Which,
+    },
+    /// Looks at or repairs logs
+    #[command(subcommand)]
+    Log(LogCommand),
+    /// Checks a settings file, or prints what settings there are
+    #[command(group = clap::ArgGroup::new("what").required(true))]
+    Check {
+        /// The settings file
+        #[arg(value_name = "FILE", group = "what")]
+        settings: Option<PathBuf>,
+        /// Prints the JSON schema of settings files
+        #[arg(long, group = "what")]
+        schema: bool,
+        /// Prints the reference of all settings
+        #[arg(long, group = "what")]
+        reference: bool,
+    },
+    /// Runs one process of a deployment; its supervisor does this
+    #[command(hide = true)]
+    Process {
+        #[arg(value_name = "KIND")]
+        kind: String,
+    },
+    /// Cleans up after a killed supervisor; the supervisor starts it
+    #[command(hide = true)]
+    Guard {
+        #[arg(value_name = "DIR")]
+        directory: PathBuf,
+    },
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct RunOptions {
+    /// Folder for map and log; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Times faster than real time, 0.01 to 100
+    #[arg(long, value_name = "N", value_parser = speed)]
+    pub(crate) speed: Option<f64>,
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Which {
+    /// Name of the deployment; needed when several are running
+    #[arg(long, value_name = "NAME")]
+    pub(crate) deployment: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Pace {
+    /// As fast as every process can follow; nothing is dropped
+    Lockstep,
+    /// At the pace of the drive, times `--speed`
+    Live,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum LogCommand {
+    /// Tells what a log holds
+    Info {
+        /// The log
+        #[arg(value_name = "FILE")]
+        log: PathBuf,
+    },
+    /// Writes what can be read of a damaged log into a new one
+    Recover {
+        /// The damaged log
+        #[arg(value_name = "FILE")]
+        log: PathBuf,
+        /// The new log; FILE with `-recovered` before its extension when not given
+        #[arg(long, value_name = "LOG")]
+        out: Option<PathBuf>,
+    },
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(speed) if (0.01..=100.0).contains(&speed) => Ok(speed),
+        _ => Err("expected a number from 0.01 to 100".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_speed_is_a_number_that_can_be_meant() {
+        assert_eq!(speed("2.5"), Ok(2.5));
+        for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
+            assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! A run from its start to what is said at its end.
+
+use crate::cli::RunOptions;
+use crate::exit::BadInput;
+use crate::output;
+use crate::progress::Progress;
+use indicatif::MultiProgress;
+use messages::MapSummary;
+use settings::{BuiltIn, Settings};
+use std::path::Path;
+use std::time::Instant;
+use supervisor::{Options, Outcome, Report};
+
+/// Puts the outputs where the command line wants them, and makes the folder.
+pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> anyhow::Result<()> {
+    if let Some(out) = &options.out {
+        settings.out.clone_from(out);
+    }
+    settings.out = std::path::absolute(&settings.out)?;
+    make_folder(&settings.out)
+}
+
+/// Makes a folder for outputs.
+pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot make this folder: {error}", folder.display())).into())
+}
+
+/// Runs a deployment and says what came of it; the exit code.
+pub(crate) fn drive(settings: &Settings, speed: f64, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let started = Instant::now();
+    let options = Options { speed, executable: std::env::current_exe()? };
+    let mut progress = Progress::new(bars);
+    let result = supervisor::run(settings, &options, &mut |report| {
+        if let Report::Status(status) = report {
+            progress.show(status);
+        }
+    });
+    progress.end();
+    let outcome = result?;
+    summarize(settings, &outcome, started.elapsed().as_secs_f64())?;
+    Ok(outcome.exit_code())
+}
+
+fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Result<()> {
+    for (process, cause) in outcome.failures() {
+        output::line(&format!("failed     {process}: {cause}"))?;
+    }
+    let restarted: Vec<String> = outcome
+        .processes
+        .iter()
+        .filter(|process| process.restarts > 0)
+        .map(|process| format!("{} {} times", process.name, process.restarts))
+        .collect();
+    if !restarted.is_empty() {
+        output::line(&format!("restarted  {}", restarted.join(", ")))?;
+    }
+    if settings.runs(BuiltIn::Recorder) {
+        output::line(&format!("log        {}", settings.out.join(settings.recorder.file.as_str()).display()))?;
+    }
+    match &outcome.map {
+        Some(map) => summarize_map(&settings.out, map, wall_s),
+        None if settings.runs(BuiltIn::Mapping) => Ok(output::line("map        none was finished")?),
+        None => Ok(()),
+    }
+}
+
+fn summarize_map(out: &Path, map: &MapSummary, wall_s: f64) -> anyhow::Result<()> {
+    output::line(&format!("map        {}", out.join("map.png").display()))?;
+    output::line(&format!("           {} with map.pgm, for ROS map_server and nav2", out.join("map.yaml").display()))?;
+    output::line(&format!(
+        "figures    {} scans with {} readings over {:.1} m of way, {:.1} s",
+        map.scans, map.readings, map.way_m, wall_s
+    ))?;
+    if map.withheld > 0 || map.undecided > 0 {
+        output::line(&format!("verdicts   {} readings withheld, {} never decided", map.withheld, map.undecided))?;
+    }
+    Ok(output::line(&format!("map sha256 {}", hex(&map.sha256)))?)
+}
+
+/// Bytes as people compare them.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

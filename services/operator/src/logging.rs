@@ -1,0 +1,118 @@
+//! Log lines: JSON for the supervisor in a process of a deployment, calm text for people everywhere else.
+
+use crate::exit::BadInput;
+use indicatif::MultiProgress;
+use std::fmt::Write as _;
+use std::io::{self, IsTerminal, Write};
+use std::time::Instant;
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
+use tracing_subscriber::registry::LookupSpan;
+
+/// The level, or the levels of several modules, of log lines.
+const VARIABLE: &str = "STILLMAP_LOG";
+/// What iceoryx2 warns of when a process has been killed, the supervisor mends.
+const DEFAULT: &str = "info,iceoryx2=error";
+
+/// Log lines as JSON on standard error, for the supervisor.
+pub(crate) fn to_the_supervisor() -> anyhow::Result<()> {
+    tracing_subscriber::fmt().json().with_env_filter(filter()?).with_writer(io::stderr).init();
+    Ok(())
+}
+
+/// Log lines for people on standard error, above the progress bars.
+pub(crate) fn to_people(bars: MultiProgress) -> anyhow::Result<()> {
+    // What processes say they have filtered themselves.
+    let filter = filter()?.add_directive(format!("{}=trace", supervisor::CHILD_TARGET).parse()?);
+    let format = People { started: Instant::now(), colours: io::stderr().is_terminal() };
+    tracing_subscriber::fmt().with_env_filter(filter).event_format(format).with_writer(AboveBars(bars)).init();
+    Ok(())
+}
+
+fn filter() -> anyhow::Result<EnvFilter> {
+    let wanted = std::env::var(VARIABLE).unwrap_or_else(|_| DEFAULT.to_owned());
+    EnvFilter::try_new(&wanted).map_err(|error| {
+        BadInput(format!("{VARIABLE}={wanted}: {error}: expected a level (error, warn, info, debug, trace) or module=level,…")).into()
+    })
+}
+
+/// One line an event: seconds since the start, who, what.
+struct People {
+    started: Instant,
+    colours: bool,
+}
+
+impl<S, N> FormatEvent<S, N> for People
+where
+    S: Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(&self, _: &FmtContext<'_, S, N>, mut writer: Writer<'_>, event: &Event<'_>) -> std::fmt::Result {
+        let mut words = Words::default();
+        event.record(&mut words);
+        let process = if words.process.is_empty() { "stillmap" } else { &words.process };
+        let (colour, mark) = match *event.metadata().level() {
+            Level::ERROR => ("31", "error: "),
+            Level::WARN => ("33", "warning: "),
+            Level::INFO => ("0", ""),
+            Level::DEBUG => ("2", "debug: "),
+            Level::TRACE => ("2", "trace: "),
+        };
+        let line = format!("{:>8.2} s  {process:<10} {mark}{}{}", self.started.elapsed().as_secs_f64(), words.message, words.fields);
+        if self.colours { writeln!(writer, "\x1b[{colour}m{line}\x1b[0m") } else { writeln!(writer, "{line}") }
+    }
+}
+
+#[derive(Default)]
+struct Words {
+    process: String,
+    message: String,
+    fields: String,
+}
+
+impl Words {
+    fn record(&mut self, field: &Field, value: String) {
+        match field.name() {
+            "process" => self.process = value,
+            "message" => self.message = value,
+            name => {
+                // Writing to a string does not fail.
+                let _ = write!(self.fields, " {name}={value}");
+            }
+        }
+    }
+}
+
+impl Visit for Words {
+    fn record_str(&mut self, field: &Field, value: &str) {
+        self.record(field, value.to_owned());
+    }
+
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        self.record(field, format!("{value:?}"));
+    }
+}
+
+/// Standard error, with progress bars out of the way while a line is written.
+struct AboveBars(MultiProgress);
+
+impl<'a> MakeWriter<'a> for AboveBars {
+    type Writer = &'a Self;
+
+    fn make_writer(&'a self) -> Self::Writer {
+        self
+    }
+}
+
+impl Write for &AboveBars {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.suspend(|| io::stderr().write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}

@@ -1,0 +1,55 @@
+//! `stillmap map`: the map of a running deployment as it is now.
+
+use crate::cli::Which;
+use crate::output;
+use crate::status::choose;
+use bus::{Reader, Received, RunningDomain, Tool};
+use mapping::export::MapCopy;
+use messages::{MapTile, Payload, WayChunk};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// How long mapping may take to send the next piece.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Joins the deployment, takes the whole map that its owner sends to whoever joins, and writes it.
+pub(crate) fn map(out: &Path, which: &Which) -> anyhow::Result<u8> {
+    let domain = choose(which)?;
+    let copy = collect(&domain)?;
+    for path in mapping::write_files(out, &copy.files()?)? {
+        output::line(&path.display().to_string())?;
+    }
+    Ok(0)
+}
+
+fn collect(domain: &RunningDomain) -> anyhow::Result<MapCopy> {
+    let mut tool = Tool::join(domain)?;
+    let mut tiles = tool.reader::<MapTile>()?;
+    let mut way = tool.reader::<WayChunk>()?;
+    let mut copy = MapCopy::default();
+    let mut last_news = Instant::now();
+    while !copy.is_whole() {
+        let taken = take(&mut tiles, |tile| copy.take_tile(tile))? + take(&mut way, |chunk| copy.take_way(chunk))?;
+        if taken > 0 {
+            last_news = Instant::now();
+        } else if last_news.elapsed() > PATIENCE {
+            let (held, expected) = copy.progress();
+            anyhow::ensure!(expected > 0, "deployment {} has no map yet", domain.name());
+            anyhow::bail!("mapping of {} fell silent after {held} of {expected} tiles", domain.name());
+        }
+        tool.wait(Duration::from_millis(100))?;
+    }
+    Ok(copy)
+}
+
+/// Takes everything that waits; how much.
+fn take<T: Payload>(reader: &mut Reader<T>, mut each: impl FnMut(&T)) -> anyhow::Result<usize> {
+    let mut taken = 0;
+    while let Some(received) = reader.take()? {
+        if let Received::Message(message) = received {
+            each(&message);
+            taken += 1;
+        }
+    }
+    Ok(taken)
+}

@@ -1,0 +1,17 @@
+//! Results on standard output.
+
+use std::io::{self, Write};
+
+/// Writes a line of results. A reader that has gone away, as `head` does, is no fault.
+pub(crate) fn line(text: &str) -> io::Result<()> {
+    write(&format!("{text}\n"))
+}
+
+/// Writes text as it is.
+pub(crate) fn write(text: &str) -> io::Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        result => result,
+    }
+}

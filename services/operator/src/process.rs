@@ -1,0 +1,26 @@
+//! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
+
+use crate::exit::BadInput;
+use bus::{Membership, Shell};
+use settings::{BuiltIn, Settings};
+
+/// Runs a built-in process to its end.
+pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
+    let membership = Membership::from_env().map_err(|error| BadInput(error.to_string()))?;
+    let settings = Settings::read(membership.settings_path())?;
+    let shell = Shell::join(membership)?;
+    match built_in(kind)? {
+        BuiltIn::Recorder => recorder::run(shell, &settings)?,
+        BuiltIn::Mapping => mapping::run(shell, &settings)?,
+        BuiltIn::Pioneer => pioneer::run(shell, &settings)?,
+        BuiltIn::Simulator => simulator::run(shell, &settings)?,
+        BuiltIn::Playback => playback::run(shell, &settings)?,
+    }
+    Ok(0)
+}
+
+fn built_in(word: &str) -> Result<BuiltIn, BadInput> {
+    let all = [BuiltIn::Recorder, BuiltIn::Mapping, BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Playback];
+    let words = all.map(BuiltIn::word).join(", ");
+    all.into_iter().find(|kind| kind.word() == word).ok_or_else(|| BadInput(format!("process {word}: expected one of {words}")))
+}

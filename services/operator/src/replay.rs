@@ -1,0 +1,71 @@
+//! `stillmap replay`: a log in place of the robot.
+
+use crate::cli::{Pace, RunOptions};
+use crate::demo::unique_name;
+use crate::drive::{drive, place_output};
+use drivelog::Log;
+use indicatif::MultiProgress;
+use settings::{BuiltIn, Process, Program, Settings};
+use std::path::{Path, PathBuf};
+
+/// Makes the map again from a log; the exit code.
+pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let recorded = Log::open(log)?.preamble().settings.clone();
+    let recorded = Settings::parse(&format!("{}: its settings", log.display()), &recorded)?;
+    let mut settings = deployment(recorded, std::path::absolute(log)?, pace)?;
+    place_output(&mut settings, options)?;
+    let how = match pace {
+        Pace::Lockstep => "in lockstep, as fast as the processes can follow",
+        Pace::Live => "at the pace of the drive",
+    };
+    tracing::info!("replaying {} {how}", log.display());
+    drive(&settings, options.speed.unwrap_or(1.0), bars)
+}
+
+/// The recorded deployment with playback in place of what brought the world in. Nothing is recorded again.
+fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Result<Settings> {
+    settings.name = unique_name("replay")?;
+    settings.out = PathBuf::from("replay-out");
+    settings.pace = match pace {
+        Pace::Lockstep => settings::Pace::Lockstep,
+        Pace::Live => settings::Pace::Live,
+    };
+    settings.playback.log = log;
+    settings.process.retain(|process| match &process.program {
+        Program::BuiltIn(kind) => *kind == BuiltIn::Mapping,
+        Program::Command(command) => {
+            tracing::warn!("without {}: whether {} listens or drives, the log does not say", process.name, command.join(" "));
+            false
+        }
+    });
+    if !settings.runs(BuiltIn::Mapping) {
+        settings.process.push(Process::built_in(BuiltIn::Mapping));
+    }
+    settings.process.push(Process::built_in(BuiltIn::Playback));
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_replay_has_playback_in_place_of_the_robot() {
+        let recorded = Settings::parse("demo.toml", include_str!("../../../config/demo.toml")).unwrap();
+        let replay = deployment(recorded.clone(), "/logs/drive.mcap".into(), Pace::Lockstep).unwrap();
+        let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
+        assert_eq!(names, ["mapping", "playback"]);
+        assert!(replay.process[1].ends_run);
+        assert_eq!(replay.pace, settings::Pace::Lockstep);
+        assert_eq!(replay.mapping, recorded.mapping, "the same map comes of the same settings");
+        replay.check().unwrap();
+    }
+
+    #[test]
+    fn a_log_without_a_map_can_be_mapped() {
+        let text = "name = \"x\"\n[[process]]\nname = \"recorder\"\nrun = \"recorder\"\n[[process]]\nname = \"d\"\ncommand = [\"d\"]\n";
+        let replay = deployment(Settings::parse("x.toml", text).unwrap(), "/logs/drive.mcap".into(), Pace::Live).unwrap();
+        assert!(replay.runs(BuiltIn::Mapping) && replay.process.len() == 2);
+        replay.check().unwrap();
+    }
+}

@@ -1,0 +1,187 @@
+//! `stillmap status`: what the supervisor knows of its processes.
+
+use crate::cli::Which;
+use crate::exit::BadInput;
+use crate::output;
+use bus::{Received, RunningDomain, Tool};
+use messages::{DeploymentStatus, ProcessState, ProcessStatus};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// How long a supervisor may take to tell; it does so once a second.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Prints the status of one deployment, or of all that run.
+pub(crate) fn status(json: bool, which: &Which) -> anyhow::Result<u8> {
+    let domains = match &which.deployment {
+        Some(_) => vec![choose(which)?],
+        None => RunningDomain::all()?,
+    };
+    let statuses = ask(&domains)?;
+    if json {
+        let all: Vec<Value> = statuses.iter().map(|(domain, status)| as_json(domain, status.as_ref())).collect();
+        output::line(&format!("{:#}", Value::Array(all)))?;
+    } else if statuses.is_empty() {
+        output::line("no deployment is running")?;
+    } else {
+        let silent = |domain: &RunningDomain| format!("{}, process {}: says nothing\n", domain.name(), domain.pid());
+        let tables: Vec<String> =
+            statuses.iter().map(|(domain, status)| status.as_ref().map_or_else(|| silent(domain), as_table)).collect();
+        output::write(&tables.join("\n"))?;
+    }
+    // Somebody who asks for one deployment has to know when it does not answer.
+    Ok(u8::from(statuses.iter().any(|(_, status)| status.is_none())))
+}
+
+/// The one deployment that is meant.
+pub(crate) fn choose(which: &Which) -> anyhow::Result<RunningDomain> {
+    let mut running = RunningDomain::all()?;
+    let names = running.iter().map(RunningDomain::name).collect::<Vec<_>>().join(", ");
+    if let Some(wanted) = &which.deployment {
+        let found = running.into_iter().find(|domain| domain.name() == wanted);
+        let running = if names.is_empty() { "none is".to_owned() } else { format!("{names}: these are") };
+        return found.ok_or_else(|| BadInput(format!("deployment {wanted} is not running ({running})")).into());
+    }
+    match running.len() {
+        0 => Err(BadInput("no deployment is running".to_owned()).into()),
+        1 => Ok(running.swap_remove(0)),
+        _ => Err(BadInput(format!("several deployments are running: --deployment {}", names.replace(", ", " or "))).into()),
+    }
+}
+
+/// What the supervisors say; `None` for one that is stopped or hangs.
+fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<DeploymentStatus>)>> {
+    let mut asked = Vec::new();
+    for domain in domains {
+        let mut tool = Tool::join(domain)?;
+        let statuses = tool.reader::<DeploymentStatus>()?;
+        asked.push((domain, tool, statuses, None));
+    }
+    let since = Instant::now();
+    loop {
+        for (_, _, statuses, newest) in &mut asked {
+            while let Some(received) = statuses.take()? {
+                if let Received::Message(status) = received {
+                    *newest = Some(*status);
+                }
+            }
+        }
+        match asked.iter().find(|(_, _, _, newest)| newest.is_none()) {
+            Some((_, tool, _, _)) if since.elapsed() < PATIENCE => tool.wait(Duration::from_millis(50))?,
+            _ => return Ok(asked.into_iter().map(|(domain, _, _, newest)| (domain, newest)).collect()),
+        }
+    }
+}
+
+fn word(process: &ProcessStatus) -> &'static str {
+    ProcessState::from_number(process.state).map_or("unknown", ProcessState::word)
+}
+
+fn processes(status: &DeploymentStatus) -> impl Iterator<Item = &ProcessStatus> {
+    status.processes.iter().take(status.count as usize)
+}
+
+fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
+    let process = |it: &ProcessStatus| {
+        let counters = it.counters.iter().take(it.counters_count as usize);
+        let counters: serde_json::Map<String, Value> = counters.map(|c| (c.name.to_string(), json!(c.value))).collect();
+        json!({
+            "process": it.process.as_str(),
+            "state": word(it),
+            "pid": (it.pid != 0).then_some(it.pid),
+            "restarts": it.restarts,
+            "heartbeat_age_ms": (it.heartbeat_age_ms != u64::MAX).then_some(it.heartbeat_age_ms),
+            "received": it.received,
+            "sent": it.sent,
+            "lost": it.lost,
+            "refused": it.refused,
+            "received_per_s": it.received_per_s,
+            "sent_per_s": it.sent_per_s,
+            "cpu": it.cpu,
+            "resident_bytes": it.resident_bytes,
+            "note": it.note.as_str(),
+            "counters": counters,
+        })
+    };
+    json!({
+        "deployment": domain.name(),
+        "pid": domain.pid(),
+        "folder": domain.directory().display().to_string(),
+        "answers": status.is_some(),
+        "uptime_ms": status.map(|status| status.uptime_ms),
+        "ending": status.map(|status| status.ending == 1),
+        "processes": status.iter().flat_map(|status| processes(status)).map(process).collect::<Vec<_>>(),
+    })
+}
+
+/// Columns as wide as their widest entry; numbers to the right.
+fn as_table(status: &DeploymentStatus) -> String {
+    let head = ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "lost", "cpu", "memory", "note"];
+    let row = |it: &ProcessStatus| {
+        let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
+        [
+            it.process.to_string(),
+            word(it).to_owned(),
+            if it.pid == 0 { "-".to_owned() } else { it.pid.to_string() },
+            it.restarts.to_string(),
+            beat,
+            format!("{:.1}", it.received_per_s),
+            format!("{:.1}", it.sent_per_s),
+            it.lost.to_string(),
+            format!("{:.1} %", it.cpu * 100.0),
+            format!("{:.1} MB", it.resident_bytes as f64 / 1e6),
+            it.note.to_string(),
+        ]
+    };
+    let rows: Vec<[String; 11]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let ending = if status.ending == 1 { ", ending" } else { "" };
+    let mut text = format!("{}, up {:.0} s{ending}\n", status.deployment, status.uptime_ms as f64 / 1e3);
+    for row in &rows {
+        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
+            0 | 1 => format!("{cell:<width$}"),
+            10 => cell.clone(),
+            _ => format!("{cell:>width$}"),
+        });
+        text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::Text;
+
+    #[test]
+    fn the_table_has_a_line_for_each_process() {
+        let mut status = DeploymentStatus { deployment: Text::new("demo"), uptime_ms: 12_400, count: 2, ..DeploymentStatus::default() };
+        status.processes[0] = ProcessStatus {
+            process: Text::new("mapping"),
+            note: Text::new("12 tiles"),
+            heartbeat_age_ms: 150,
+            received_per_s: 10.04,
+            cpu: 0.013,
+            resident_bytes: 4_200_000,
+            pid: 4711,
+            state: ProcessState::Running as u32,
+            ..ProcessStatus::default()
+        };
+        status.processes[1] = ProcessStatus {
+            process: Text::new("pioneer"),
+            heartbeat_age_ms: u64::MAX,
+            state: ProcessState::Backoff as u32,
+            restarts: 2,
+            ..ProcessStatus::default()
+        };
+        let expected = "\
+demo, up 12 s
+process  state     pid  restarts  heartbeat  in/s  out/s  lost    cpu  memory  note
+mapping  running  4711         0      0.1 s  10.0    0.0     0  1.3 %  4.2 MB  12 tiles
+pioneer  backoff     -         2          -   0.0    0.0     0  0.0 %  0.0 MB
+";
+        assert_eq!(as_table(&status).replace("0.2 s", "0.1 s"), expected);
+    }
+}
