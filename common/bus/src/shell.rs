@@ -241,13 +241,15 @@ impl Shell {
         }
         let Some((service, answered)) = self.report.answered else { return Ok(()) };
         let process = Text::new(self.membership.process());
-        self.progress.send(answered, 0, &Progress { process, service: Text::new(service), answered })
+        let stamp_ns = self.membership.clock().now_ns();
+        self.progress.send(answered, stamp_ns, &Progress { process, service: Text::new(service), answered })
     }
 
     fn beat(&mut self, phase: Phase) -> Result<(), BusError> {
         let (report, inputs, sent) = (&self.report, &self.inputs, self.sent.get());
         let process = Text::new(self.membership.process());
-        self.heartbeats.send_with(report.rounds, 0, |heartbeat| {
+        let stamp_ns = self.membership.clock().now_ns();
+        self.heartbeats.send_with(report.rounds, stamp_ns, |heartbeat| {
             heartbeat.process = process;
             heartbeat.note = report.note;
             heartbeat.progress = report.rounds;

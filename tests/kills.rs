@@ -1,0 +1,69 @@
+//! kill -9 of every process of a drive: it comes back, the drive ends with its map, and nothing is left.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use harness::{Bench, PgmMap, OCCUPIED, Run, kill, map_sha256};
+
+const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+
+fn start(bench: &Bench) -> Run {
+    let out = bench.path("out");
+    Run::start(bench.stillmap(["demo", "--speed", "10", "--world", CORRIDOR, "--out", out.to_str().unwrap()]))
+}
+
+#[track_caller]
+fn survives_the_kill_of(process: &str) {
+    let bench = Bench::new();
+    let run = start(&bench);
+    bench.wait_for("mapping", "it has taken 150 scans", |mapping| mapping["received"].as_u64() > Some(150));
+    bench.remember_domain();
+    let before = bench.wait_for(process, "it runs", |it| it["state"] == "running" && it["pid"].is_u64());
+    kill(before["pid"].as_u64().unwrap());
+    let after = bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
+    assert_ne!(after["pid"], before["pid"]);
+    map_sha256(&run.end());
+    let map = PgmMap::read(&bench.path("out"));
+    // The right wall before the kill and the left wall long after it, in the map frame.
+    assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "what was mapped before the kill is there");
+    assert!(map.wall_share([6.9, 1.2], [8.6, 1.2], 0.1) > 0.8, "the drive went on after it");
+    assert!(map.count(OCCUPIED) > 300);
+    assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn mapping() {
+    survives_the_kill_of("mapping");
+}
+
+#[test]
+fn pioneer() {
+    survives_the_kill_of("pioneer");
+}
+
+#[test]
+fn simulator() {
+    survives_the_kill_of("simulator");
+}
+
+#[test]
+fn recorder_and_its_log_is_whole() {
+    survives_the_kill_of("recorder");
+}
+
+#[test]
+fn supervisor() {
+    let bench = Bench::new();
+    let run = start(&bench);
+    let mapping = bench.wait_for("mapping", "it has taken 50 scans", |mapping| mapping["received"].as_u64() > Some(50));
+    bench.remember_domain();
+    kill(run.pid().into());
+    drop(run);
+    let mapping = std::path::PathBuf::from(format!("/proc/{}", mapping["pid"]));
+    let gone = || !mapping.exists() && bench.left_behind().is_empty();
+    let started = std::time::Instant::now();
+    while !gone() {
+        assert!(started.elapsed().as_secs() < 60, "still there: {:?}, mapping lives: {}", bench.left_behind(), mapping.exists());
+        std::thread::yield_now();
+    }
+}
