@@ -54,6 +54,16 @@ pub enum Fault {
         /// What is wrong with it.
         source: DecodeError,
     },
+    /// A line of a file that is imported.
+    #[error("line {line}: found {found}, expected {expected}")]
+    Line {
+        /// Its number, from 1.
+        line: usize,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: String,
+    },
     /// The log cannot be written.
     #[error("{0}")]
     Write(#[from] WriteError),
