@@ -61,7 +61,7 @@ pub(crate) enum Command {
         #[command(flatten)]
         which: Which,
     },
-    /// Looks at or repairs logs
+    /// Looks at, repairs or imports logs
     #[command(subcommand)]
     Log(LogCommand),
     /// Checks a settings file, or prints what settings there are
@@ -133,6 +133,24 @@ pub(crate) enum LogCommand {
         #[arg(long, value_name = "LOG")]
         out: Option<PathBuf>,
     },
+    /// Makes a log from recordings of other software
+    Import {
+        /// What DIR holds
+        #[arg(long, value_enum)]
+        format: ImportFormat,
+        /// Folder of the recording
+        #[arg(value_name = "DIR")]
+        from: PathBuf,
+        /// The log to write
+        #[arg(long, value_name = "LOG")]
+        out: PathBuf,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImportFormat {
+    /// Sonar and odometry of a Pioneer 3-DX in one CSV file
+    Robond,
 }
 
 fn speed(text: &str) -> Result<f64, String> {

@@ -1,6 +1,6 @@
-//! `stillmap log`: logs at a glance and repaired.
+//! `stillmap log`: logs at a glance, repaired, imported.
 
-use crate::cli::LogCommand;
+use crate::cli::{ImportFormat, LogCommand};
 use crate::output;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +9,10 @@ pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
     match command {
         LogCommand::Info { log } => output::write(&drivelog::info(log)?.to_string())?,
         LogCommand::Recover { log, out } => recover(log, out.clone().unwrap_or_else(|| recovered_name(log)))?,
+        LogCommand::Import { format: ImportFormat::Robond, from, out } => {
+            let imported = drivelog::import_robond(from, out)?;
+            output::line(&format!("{}: {} scans", out.display(), imported.scans))?;
+        }
     }
     Ok(0)
 }
