@@ -12,29 +12,29 @@ use serde_json::Value;
 const WATCHDOG: Duration = Duration::from_secs(240);
 
 /// A place where no other test's deployment lives; gone with everything in it when dropped.
-pub struct Bench {
+pub(crate) struct Bench {
     runtime: tempfile::TempDir,
     files: tempfile::TempDir,
 }
 
 impl Bench {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { runtime: tempfile::tempdir().unwrap(), files: tempfile::tempdir().unwrap() }
     }
 
     /// A folder or file for the test's own use.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.files.path().join(name)
     }
 
-    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+    pub(crate) fn write(&self, name: &str, text: &str) -> PathBuf {
         let path = self.path(name);
         std::fs::write(&path, text).unwrap();
         path
     }
 
     /// The `stillmap` command in this bench.
-    pub fn stillmap<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Command {
+    pub(crate) fn stillmap<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
         command.args(arguments).env("STILLMAP_RUNTIME_DIR", self.runtime.path()).current_dir(self.files.path());
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -42,19 +42,19 @@ impl Bench {
     }
 
     /// Runs the command to its end.
-    pub fn output<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Output {
+    pub(crate) fn output<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Output {
         Run::start(self.stillmap(arguments)).end()
     }
 
     /// The processes of the one deployment that runs, as `stillmap status --json` tells; none when nothing runs.
-    pub fn processes(&self) -> Vec<Value> {
+    pub(crate) fn processes(&self) -> Vec<Value> {
         let output = self.output(["status", "--json"]);
         let all: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
         all[0]["processes"].as_array().cloned().unwrap_or_default()
     }
 
     /// Waits until `wanted` holds for the process of this name.
-    pub fn wait_for(&self, name: &str, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub(crate) fn wait_for(&self, name: &str, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let started = Instant::now();
         loop {
             let found = self.processes().into_iter().find(|process| process["process"] == name);
@@ -66,7 +66,7 @@ impl Bench {
     }
 
     /// What is left on this machine of the deployments of this bench: files of the runtime folder and shared memory.
-    pub fn left_behind(&self) -> Vec<PathBuf> {
+    pub(crate) fn left_behind(&self) -> Vec<PathBuf> {
         let mut left: Vec<PathBuf> = std::fs::read_dir(self.runtime.path()).unwrap().flatten().map(|entry| entry.path()).collect();
         let names: Vec<PathBuf> = left.iter().map(|path| path.with_extension("")).collect();
         for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
@@ -88,7 +88,7 @@ impl Bench {
     }
 
     /// Remembers the folder of the deployment that runs now.
-    pub fn remember_domain(&self) {
+    pub(crate) fn remember_domain(&self) {
         let output = self.output(["status", "--json"]);
         let all: Value = serde_json::from_slice(&output.stdout).unwrap();
         let folder = all[0]["folder"].as_str().expect("a deployment runs").to_owned();
@@ -97,26 +97,26 @@ impl Bench {
 }
 
 /// A command that runs; killed when dropped.
-pub struct Run {
+pub(crate) struct Run {
     child: Child,
     stdout: Option<std::thread::JoinHandle<Vec<u8>>>,
     stderr: Option<std::thread::JoinHandle<Vec<u8>>>,
 }
 
 impl Run {
-    pub fn start(mut command: Command) -> Self {
+    pub(crate) fn start(mut command: Command) -> Self {
         let mut child = command.spawn().unwrap();
         let stdout = collect(child.stdout.take().unwrap());
         let stderr = collect(child.stderr.take().unwrap());
         Self { child, stdout: Some(stdout), stderr: Some(stderr) }
     }
 
-    pub fn pid(&self) -> u32 {
+    pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
     /// Waits for its end, but not for ever.
-    pub fn end(mut self) -> Output {
+    pub(crate) fn end(mut self) -> Output {
         let pid = rustix::process::Pid::from_child(&self.child);
         let ended = rustix::process::pidfd_open(pid, rustix::process::PidfdFlags::empty()).unwrap();
         let mut polled = [rustix::event::PollFd::new(&ended, rustix::event::PollFlags::IN)];
@@ -144,18 +144,18 @@ fn collect(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<Vec<
     })
 }
 
-pub fn kill(pid: u64) {
+pub(crate) fn kill(pid: u64) {
     let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
     rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
 }
 
-pub fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// The line `map sha256 HEX` of a command's output.
 #[track_caller]
-pub fn map_sha256(output: &Output) -> String {
+pub(crate) fn map_sha256(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     let stdout = text(&output.stdout);
     let line = stdout.lines().last().unwrap_or_default();
@@ -165,20 +165,20 @@ pub fn map_sha256(output: &Output) -> String {
 }
 
 /// A map as ROS map_server reads it: row 0 of `cells` is the smallest y.
-pub struct PgmMap {
-    pub width: usize,
-    pub height: usize,
-    pub cell_m: f64,
-    pub origin_m: [f64; 2],
-    pub cells: Vec<u8>,
+pub(crate) struct PgmMap {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) cell_m: f64,
+    pub(crate) origin_m: [f64; 2],
+    pub(crate) cells: Vec<u8>,
 }
 
-pub const OCCUPIED: u8 = 0;
-pub const FREE: u8 = 254;
-pub const UNKNOWN: u8 = 205;
+pub(crate) const OCCUPIED: u8 = 0;
+pub(crate) const FREE: u8 = 254;
+pub(crate) const UNKNOWN: u8 = 205;
 
 impl PgmMap {
-    pub fn read(folder: &Path) -> Self {
+    pub(crate) fn read(folder: &Path) -> Self {
         let yaml = std::fs::read_to_string(folder.join("map.yaml")).unwrap();
         let value = |key: &str| yaml.lines().find_map(|line| line.strip_prefix(&format!("{key}: "))).unwrap().trim().to_owned();
         let origin: Vec<f64> =
@@ -200,19 +200,19 @@ impl PgmMap {
         Self { width, height, cell_m: value("resolution").parse().unwrap(), origin_m: [origin[0], origin[1]], cells }
     }
 
-    pub fn at(&self, x_m: f64, y_m: f64) -> u8 {
+    pub(crate) fn at(&self, x_m: f64, y_m: f64) -> u8 {
         let column = ((x_m - self.origin_m[0]) / self.cell_m).floor();
         let row = ((y_m - self.origin_m[1]) / self.cell_m).floor();
         let inside = (0.0..self.width as f64).contains(&column) && (0.0..self.height as f64).contains(&row);
         if inside { self.cells[row as usize * self.width + column as usize] } else { UNKNOWN }
     }
 
-    pub fn count(&self, value: u8) -> usize {
+    pub(crate) fn count(&self, value: u8) -> usize {
         self.cells.iter().filter(|cell| **cell == value).count()
     }
 
     /// Share of the steps of 5 cm from `from_m` to `to_m` that have an occupied cell within `reach_m` across.
-    pub fn wall_share(&self, from_m: [f64; 2], to_m: [f64; 2], reach_m: f64) -> f64 {
+    pub(crate) fn wall_share(&self, from_m: [f64; 2], to_m: [f64; 2], reach_m: f64) -> f64 {
         let (dx, dy) = (to_m[0] - from_m[0], to_m[1] - from_m[1]);
         let length = dx.hypot(dy);
         let steps = (length / 0.05).ceil() as usize;
