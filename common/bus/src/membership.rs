@@ -51,7 +51,7 @@ impl Membership {
     /// # Errors
     /// When a variable is missing or malformed.
     pub fn from_env() -> Result<Self, MembershipError> {
-        Self::from_lookup(|key| std::env::var_os(key))
+        Self::from_lookup(std::env::var_os)
     }
 
     fn from_lookup(lookup: impl Fn(&'static str) -> Option<OsString>) -> Result<Self, MembershipError> {
