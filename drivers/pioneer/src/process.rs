@@ -159,7 +159,7 @@ impl Process {
         let trouble = format!("cannot open {}: {error}{advice}", self.path.display());
         if self.trouble.as_ref() != Some(&trouble) {
             match self.simulated {
-                true => tracing::info!("{trouble}; still trying"),
+                true => tracing::debug!("{trouble}; still trying"),
                 false => tracing::warn!("{trouble}; still trying"),
             }
             self.trouble = Some(trouble);
@@ -168,7 +168,7 @@ impl Process {
 
     fn vanish(&mut self, why: &str, now_ns: u64) -> Result<(), StepError> {
         match self.simulated {
-            true => tracing::info!("{} is gone ({why}); waiting for it", self.path.display()),
+            true => tracing::debug!("{} is gone ({why}); waiting for it", self.path.display()),
             false => tracing::warn!("{} is gone ({why}); waiting for it", self.path.display()),
         }
         self.port = None;
