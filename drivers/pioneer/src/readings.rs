@@ -68,9 +68,11 @@ mod tests {
     #[test]
     fn ranges_and_silence() {
         check(&[(3, 10784), (0, 577)], &[(3, 1.8699, 1), (0, 0.1, 1)], 0, 0);
-        // 3.5 m, the farthest that one robot reports, is beyond the limit of 3 m; so is the limit itself.
+        // 3.5 m, the farthest that one robot reports, is beyond the limit of 3 m.
         check(&[(1, 20185), (2, 17302)], &[(1, 3.0, 0), (2, 3.0, 0)], 0, 0);
         check(&[], &[], 0, 0);
+        let at_limit = readings(&[RawReading { sonar: 0, range: 3000 }], &ring(), 1e-3, 3.0);
+        assert_eq!((at_limit.good[0].range_m, at_limit.good[0].echo), (3.0, 0));
     }
 
     #[test]
