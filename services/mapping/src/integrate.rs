@@ -4,7 +4,8 @@ use grid::{Lattice, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::Parameters;
-use crate::cone::{Cone, LANES};
+use crate::cone::{Cone, Row};
+use crate::numeric::{LANES, Lanes, all};
 use crate::sensor_model::{Extent, SensorModel};
 use crate::tuning::Known;
 
@@ -22,11 +23,12 @@ impl Beam<'_> {
     pub(crate) fn integrate(&self, lattice: &mut Lattice<f32>, parameters: &Parameters, withheld: bool) {
         let extent = self.extent(parameters);
         let cone = self.cone(parameters, extent.c);
-        let known = if parameters.tuning.enabled() { look(lattice, &cone, extent) } else { Known::NOTHING };
+        let rows: Vec<Row> = cone.rows().collect();
+        let known = if parameters.tuning.enabled() { look(lattice, &rows, extent) } else { Known::NOTHING };
         let tuned = parameters.tuning.tune(known);
         let extent = if withheld { extent.without_surface() } else { extent };
         let model = SensorModel::new(&parameters.sensor, self.reading.range_m, extent, tuned);
-        update(lattice, &cone.reaching(extent.c), &model, parameters.l_max);
+        update(lattice, &rows, &model, parameters.l_max);
     }
 
     /// The tiles that hold every cell the reading looks at or touches.
@@ -48,64 +50,60 @@ impl Beam<'_> {
 }
 
 /// The highest occupancies in the cone: of the arc, and of what lies at least a cell before it.
-fn look(lattice: &Lattice<f32>, cone: &Cone, extent: Extent) -> Known {
-    let before = (extent.b - lattice.cell_size().metres()) as f32;
-    let (b, c) = (extent.b as f32, extent.c as f32);
-    let mut highest_before = [0.0_f32; LANES];
+fn look(lattice: &Lattice<f32>, rows: &[Row], extent: Extent) -> Known {
+    let before = all((extent.b - lattice.cell_size().metres()) as f32);
+    let (b, c) = (all(extent.b as f32), all(extent.c as f32));
+    let mut highest_before = all(0.0);
     let (mut highest_arc, mut theta_max) = (0.0_f32, 0.0_f32);
-    for row in cone.rows() {
-        lattice.visit_row(row, cone.columns(row), |first, cells| {
+    for row in rows {
+        lattice.visit_row(row.row, row.columns.clone(), |first, cells| {
             for (column, cells) in (first..).step_by(LANES).zip(cells.as_chunks::<LANES>().0) {
-                let group = cone.group(row, column);
-                for lane in 0..LANES {
-                    let free = if group.z[lane] < before { cells[lane] } else { 0.0 };
-                    highest_before[lane] = if free > highest_before[lane] { free } else { highest_before[lane] };
-                }
-                if group.z.iter().any(|&z| z >= b && z < c) {
-                    for lane in (0..LANES).filter(|&lane| group.z[lane] >= b && group.z[lane] < c) {
-                        let theta = group.theta(lane);
-                        let nearer = cells[lane] == highest_arc && theta.abs() < theta_max.abs();
-                        if cells[lane] > highest_arc || nearer {
-                            (highest_arc, theta_max) = (cells[lane], theta);
+                let group = row.group(column);
+                let cells = Lanes::new(*cells);
+                highest_before = highest_before.fast_max(group.z.simd_lt(before) & cells);
+                let on_arc = group.z.simd_ge(b) & group.z.simd_lt(c);
+                if on_arc.any() {
+                    for (cell, theta) in (on_arc & cells).to_array().into_iter().zip(group.theta().to_array()) {
+                        let nearer = cell == highest_arc && theta.abs() < theta_max.abs();
+                        if cell > highest_arc || nearer {
+                            (highest_arc, theta_max) = (cell, theta);
                         }
                     }
                 }
             }
         });
     }
-    let highest_before = highest_before.into_iter().fold(0.0, f32::max);
+    let highest_before = highest_before.to_array().into_iter().fold(0.0, f32::max);
     Known { p_arc: probability(highest_arc), theta_max_rad: f64::from(theta_max), p_free: probability(highest_before) }
 }
 
-/// Eq. 3 for every cell of the cone, as a clamped sum of log-odds.
-fn update(lattice: &mut Lattice<f32>, cone: &Cone, model: &SensorModel, l_max: f32) {
-    for row in cone.rows() {
-        lattice.visit_row_mut(row, cone.columns(row), |first, cells| {
+/// Eq. 3 for every cell of the cone.
+fn update(lattice: &mut Lattice<f32>, rows: &[Row], model: &SensorModel, l_max: f32) {
+    let (a, end) = (all(model.a), all(model.c));
+    for row in rows {
+        lattice.visit_row_mut(row.row, row.columns.clone(), |first, cells| {
             for (column, cells) in (first..).step_by(LANES).zip(cells.as_chunks_mut::<LANES>().0) {
-                let group = cone.group(row, column);
-                let mut said = [0.0; LANES];
-                if group.z.iter().all(|&z| z < model.a || z == f32::INFINITY) {
-                    for lane in 0..LANES {
-                        let free = model.free_log_odds(group.z[lane], group.theta(lane));
-                        said[lane] = if group.z[lane] < model.a { free } else { 0.0 };
-                    }
+                let group = row.group(column);
+                let within = group.z.simd_lt(end);
+                if !within.any() {
+                    continue;
+                }
+                let free = group.z.simd_lt(a);
+                let said = if (free ^ within).any() {
+                    within & model.log_odds(group.z, group.theta())
                 } else {
-                    for lane in 0..LANES {
-                        said[lane] = model.log_odds(group.z[lane], group.theta(lane));
-                    }
-                }
-                for lane in 0..LANES {
-                    cells[lane] = add(cells[lane], said[lane], l_max);
-                }
+                    free & model.free_log_odds(group.z, group.theta())
+                };
+                *cells = add(Lanes::new(*cells), said, l_max).to_array();
             }
         });
     }
 }
 
-/// Eq. 3 for one cell.
+/// Eq. 3 as a clamped sum of log-odds.
 #[inline(always)]
-pub(crate) fn add(log_odds: f32, said: f32, l_max: f32) -> f32 {
-    (log_odds + said).clamp(-l_max, l_max)
+pub(crate) fn add(log_odds: Lanes, said: Lanes, l_max: f32) -> Lanes {
+    (log_odds + said).fast_max(all(-l_max)).fast_min(all(l_max))
 }
 
 /// Occupancy of a cell by its log-odds.

@@ -117,7 +117,8 @@ proptest! {
                 let found = f64::from(lattice.get(cell));
                 prop_assert!(found.abs() <= 2.0);
                 if let Some(after) = after {
-                    prop_assert!((found - after).abs() < 2e-5, "{cell:?}: {found}, expected {after}; {pose:?} {reading:?} {withheld}");
+                    // Single precision places a cell 3 m away to a micrometre; the surface's flank rises by 30 a metre.
+                    prop_assert!((found - after).abs() < 5e-5, "{cell:?}: {found}, expected {after}; {pose:?} {reading:?} {withheld}");
                 }
             }
         }

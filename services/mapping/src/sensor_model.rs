@@ -1,6 +1,6 @@
 //! The sensor model (eq. 2) with its two limits, as log-odds.
 
-use crate::numeric::{exp, ln};
+use crate::numeric::{Lanes, SMALL, all, exp, ln, small_atanh};
 use crate::parameters::SensorParameters;
 use crate::tuning::Tuned;
 
@@ -50,7 +50,7 @@ pub(crate) struct SensorModel {
     range: f32,
     pub(crate) a: f32,
     b: f32,
-    c: f32,
+    pub(crate) c: f32,
     k_o: f32,
     inverse_sigma_r2: f32,
     theta_bar: f32,
@@ -81,49 +81,48 @@ impl SensorModel {
         }
     }
 
-    /// ln (p / (1 − p)) of eq. 2's p for a cell at distance `z` m before the arc (z < a) and azimuth `theta` rad.
+    /// ln (p / (1 − p)) of eq. 2's p for cells at distances `z` m before the rise (z < a) and azimuths `theta` rad.
     #[inline(always)]
-    pub(crate) fn free_log_odds(&self, z: f32, theta: f32) -> f32 {
-        -log_odds_above_half(self.emptiness_at(z) * self.angular(theta))
+    pub(crate) fn free_log_odds(&self, z: Lanes, theta: Lanes) -> Lanes {
+        let q = self.emptiness_at(z) * self.angular(theta);
+        // 2 q − 1: where it is not above 0, eq. 2 says nothing. ln (q / (1 − q)) is twice its artanh.
+        let t = (q + q - all(1.0)).fast_max(all(0.0));
+        if self.emptiness > SMALL / 2.0 { -log_odds_above_half(q) } else { all(-2.0) * small_atanh(t) }
     }
 
-    /// ln (p / (1 − p)) of eq. 2's p for a cell at distance `z` m and azimuth `theta` rad; 0 where nothing is said.
+    /// ln (p / (1 − p)) of eq. 2's p for cells at distances `z` m and azimuths `theta` rad; 0 where nothing is said.
     #[inline(always)]
-    pub(crate) fn log_odds(&self, z: f32, theta: f32) -> f32 {
-        let surface = self.k_o * exp(-(self.range - z) * (self.range - z) * self.inverse_sigma_r2);
-        let radial = if z < self.a {
-            self.emptiness_at(z)
-        } else if z < self.b {
-            1.0 - surface
-        } else if z < self.c {
-            surface
-        } else {
-            0.0
-        };
+    pub(crate) fn log_odds(&self, z: Lanes, theta: Lanes) -> Lanes {
+        let off = all(self.range) - z;
+        let surface = all(self.k_o) * exp(-(off * off) * all(self.inverse_sigma_r2));
+        let (free, rising, occupied) = (z.simd_lt(all(self.a)), z.simd_lt(all(self.b)), z.simd_lt(all(self.c)));
+        let beyond_a = rising.select(all(1.0) - surface, occupied & surface);
+        let radial = free.select(self.emptiness_at(z), beyond_a);
         let said = log_odds_above_half(radial * self.angular(theta));
-        if z < self.b { -said } else { said }
+        rising.select(-said, said)
     }
 
     /// 1 − k_e(z).
     #[inline(always)]
-    fn emptiness_at(&self, z: f32) -> f32 {
+    fn emptiness_at(&self, z: Lanes) -> Lanes {
+        let near = all(self.emptiness);
         match self.free_fade {
-            Some(half_at) => 0.5 + self.emptiness / (1.0 + exp(FADE_PER_M as f32 * (z - half_at))),
-            None => 0.5 + self.emptiness,
+            Some(half_at) => all(0.5) + near / (all(1.0) + exp(all(FADE_PER_M as f32) * (z - all(half_at)))),
+            None => all(0.5) + near,
         }
     }
 
     /// A(θ).
     #[inline(always)]
-    fn angular(&self, theta: f32) -> f32 {
-        let off = theta - self.theta_bar;
-        exp(-off * off * self.inverse_sigma_theta2)
+    fn angular(&self, theta: Lanes) -> Lanes {
+        let off = theta - all(self.theta_bar);
+        exp(-(off * off) * all(self.inverse_sigma_theta2))
     }
 }
 
 /// ln (q / (1 − q)) where q > ½, else 0: below one half eq. 2 says nothing.
 #[inline(always)]
-fn log_odds_above_half(q: f32) -> f32 {
-    let q = if q > 0.5 { q } else { 0.5 };
-    ln(q / (1.0 - q))
+fn log_odds_above_half(q: Lanes) -> Lanes {
+    let q = q.fast_max(all(0.5));
+    ln(q / (all(1.0) - q))
 }
