@@ -70,7 +70,7 @@ impl Inputs {
             | self.way.drain(tape, Recording::message, |_| ())?
             | self.summaries.drain(tape, Recording::message, |_| ())?
             | self.truth.drain(tape, Recording::message, |_| ())?
-            | self.surfaces.drain(tape, Recording::message, |_| ())?
+            | self.surfaces.drain(tape, Recording::report, |_| ())?
             | self.heartbeats.drain(tape, Recording::report, |_| ())?
             | self.progress.drain(tape, Recording::report, |_| ())?
             | self.lines.drain(tape, Recording::report, |_| ())?;
