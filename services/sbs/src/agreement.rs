@@ -15,6 +15,8 @@ const SHIFT_PX: f32 = 0.5;
 pub(crate) struct Agreement {
     /// Share of the samples that agree; 0 without samples.
     pub(crate) inliers: f64,
+    /// The same, each sample counted by how well it agrees, 0 to 1: tells transforms apart that differ by parts of a pixel.
+    pub(crate) support: f64,
     /// Σ̂ of the accepted pairs (eq. 9): a sample and its counterpart along its gradient.
     pub(crate) sigma: Covariance,
 }
@@ -25,6 +27,7 @@ pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transfo
     let m = transform.rows().map(|x| x as f32);
     let (mut all, mut agree) = (0_u32, 0_u32);
     let mut sum = [0.0_f32; 3];
+    let mut support = 0.0_f32;
     // Every second one tells as much.
     for s in samples.iter().step_by(2) {
         let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
@@ -35,6 +38,8 @@ pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transfo
         }
         all += 1;
         let e = s.value - gain * previous.image.bilinear_inside(u, v);
+        let t = e / NOISE;
+        support += 1.0 / (1.0 + t * t);
         let squared = s.gradient_u * s.gradient_u + s.gradient_v * s.gradient_v;
         if e.abs() > NOISE + SHIFT_PX * squared.sqrt() {
             continue;
@@ -45,5 +50,6 @@ pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transfo
         sum = [sum[0] + du * du, sum[1] + du * dv, sum[2] + dv * dv];
     }
     let [uu, uv, vv] = sum.map(|x| f64::from(x) / f64::from(agree.max(1)));
-    Agreement { inliers: f64::from(agree) / f64::from(all.max(1)), sigma: Covariance { uu, uv, vv } }
+    let all = f64::from(all.max(1));
+    Agreement { inliers: f64::from(agree) / all, support: f64::from(support) / all, sigma: Covariance { uu, uv, vv } }
 }

@@ -14,8 +14,8 @@ use crate::transform::Transform;
 const INLIERS_MIN: f64 = 0.3;
 /// A corner that moves more than this share of the width: not compensated.
 const CORNER_MAX: f64 = 0.25;
-/// An alternative must win by this share of inliers against the simpler one before it.
-const WIN: f64 = 0.003;
+/// An alternative must win by this much support against the simpler one before it.
+const WIN: f64 = 0.005;
 
 /// T with what speaks for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,7 +58,7 @@ pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Op
 }
 
 fn better(simple: Found, other: Found) -> Found {
-    if other.agreement.inliers > simple.agreement.inliers + WIN { other } else { simple }
+    if other.agreement.support > simple.agreement.support + WIN { other } else { simple }
 }
 
 /// The brightness of one picture over another: the median ratio of pixels that take part.

@@ -4,6 +4,7 @@ mod agreement;
 pub mod alignment;
 pub mod background;
 mod blobs;
+mod checkpoint;
 mod compensation;
 pub mod components;
 mod corners;
@@ -35,6 +36,7 @@ mod working;
 pub mod y4m;
 
 pub use blobs::BlobRule;
+pub use checkpoint::{CHECKPOINT_VERSION, CheckpointError};
 pub use local::LocalRule;
 pub use picture::Refusal;
 pub use settings::{Method, Settings};

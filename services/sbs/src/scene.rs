@@ -61,13 +61,18 @@ pub(crate) struct Scene {
 }
 
 /// Halvings from a picture to its base picture, about 160 to 320 wide: subpixel motion does not need more.
-pub(crate) fn halvings(width: usize) -> u32 {
+fn halvings(width: usize) -> u32 {
     if width < 320 { 0 } else { 1 }
 }
 
-/// Edge of the local field's cells, base px.
-pub(crate) fn cell_edge(base_width: usize) -> usize {
-    if base_width < 240 { 8 } else { 16 }
+/// Width and height of the base picture.
+pub(crate) fn base_size(width: usize, height: usize) -> (usize, usize) {
+    (width >> halvings(width), height >> halvings(width))
+}
+
+/// The local field of a base picture in which nothing moves: cells of 8 px, larger ones in larger pictures.
+pub(crate) fn still_field(base_width: usize, base_height: usize) -> Field {
+    Field::zero(base_width, base_height, if base_width < 240 { 8 } else { 16 })
 }
 
 /// A frame on its way through the steps.
@@ -97,7 +102,7 @@ impl<'a> Current<'a> {
 impl Outcome {
     /// Of the first picture.
     pub(crate) fn first() -> Self {
-        let agreement = Agreement { inliers: 0.0, sigma: Covariance { uu: 0.0, uv: 0.0, vv: 0.0 } };
+        let agreement = Agreement { inliers: 0.0, support: 0.0, sigma: Covariance { uu: 0.0, uv: 0.0, vv: 0.0 } };
         let found = Found { transform: Transform::identity(), agreement };
         Self { status: CameraStatus::Learning, found, blobs: Vec::new(), restarted: false }
     }
@@ -107,7 +112,7 @@ impl Scene {
     pub(crate) fn new(picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Self {
         let (width, height) = (picture.width(), picture.height());
         let base = pyramid::base(picture, halvings(width));
-        let still = Field::zero(base.width(), base.height(), cell_edge(base.width()));
+        let still = still_field(base.width(), base.height());
         let mut pyramid = Pyramid::default();
         pyramid.rebuild(&base);
         let mut model = Model::unknown(picture, &settings.background);

@@ -29,6 +29,11 @@ impl Working {
         Self { width, height, factor: if width < HALVED_FROM { 1 } else { 2 } }
     }
 
+    /// Width and height of a working picture.
+    pub(crate) fn size(&self) -> (usize, usize) {
+        (self.width / self.factor, self.height / self.factor)
+    }
+
     /// A camera's picture at working size.
     pub(crate) fn reduced(&self, picture: Plane<f32>) -> Plane<f32> {
         if self.factor == 1 {

@@ -62,7 +62,7 @@ impl<R: BufRead> Y4mReader<R> {
         let mut reader = Self { source, offset: 0, frames: 0, width: 0, height: 0, chroma: 0 };
         let line = reader.line("YUV4MPEG2 and its parameters")?.unwrap_or_default();
         let mut offset = 0;
-        let mut colour = "420";
+        let mut colour = (0, "C420");
         for (k, word) in line.split(' ').enumerate() {
             let refuse = |expected| Y4mError::Syntax { offset, found: shortened(word), expected };
             let rest = word.get(1..).unwrap_or("");
@@ -71,7 +71,7 @@ impl<R: BufRead> Y4mReader<R> {
                 (0, _) => return Err(refuse("YUV4MPEG2")),
                 (_, Some('W')) => reader.width = edge(rest).ok_or_else(|| refuse("a width of 1 to 16384"))?,
                 (_, Some('H')) => reader.height = edge(rest).ok_or_else(|| refuse("a height of 1 to 16384"))?,
-                (_, Some('C')) => colour = rest,
+                (_, Some('C')) => colour = (offset, word),
                 _ => {}
             }
             offset += word.len() as u64 + 1;
@@ -80,10 +80,12 @@ impl<R: BufRead> Y4mReader<R> {
         if width == 0 || height == 0 {
             return Err(Y4mError::Syntax { offset: 0, found: shortened(&line), expected: "a width (W) and a height (H)" });
         }
-        reader.chroma = match colour {
-            "mono" => 0,
-            "420" | "420jpeg" | "420mpeg2" | "420paldv" => 2 * width.div_ceil(2) * height.div_ceil(2),
-            _ => return Err(Y4mError::Syntax { offset: 0, found: shortened(colour), expected: "colour space mono or 8-bit 420" }),
+        reader.chroma = match colour.1 {
+            "Cmono" => 0,
+            "C420" | "C420jpeg" | "C420mpeg2" | "C420paldv" => 2 * width.div_ceil(2) * height.div_ceil(2),
+            other => {
+                return Err(Y4mError::Syntax { offset: colour.0, found: shortened(other), expected: "colour space mono or 8-bit 420" });
+            }
         };
         Ok(reader)
     }
