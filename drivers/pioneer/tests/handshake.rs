@@ -142,6 +142,21 @@ fn a_silent_link_is_lost_after_eight_seconds_and_found_again() {
 }
 
 #[test]
+fn packets_that_vanish_without_a_trace_are_a_gap_too() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(3 * S);
+    let before = drive.scans.len();
+    drive.quiet = true;
+    drive.run(600 * MS);
+    drive.quiet = false;
+    drive.run(S);
+    let gaps: Vec<_> = drive.scans.iter().filter(|kept| kept.scan.after_gap == 1).map(|kept| kept.seq).collect();
+    assert_eq!(gaps, [before as u64 + 1]);
+    assert!((drive.pose_x_m() - 0.03 * (drive.scans.len() + 6 - 1) as f64).abs() < 1e-3, "{}", drive.pose_x_m());
+    drive.check_stream();
+}
+
+#[test]
 fn a_pulled_cable_is_a_new_handshake_and_a_marked_gap() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(5 * S);
@@ -208,7 +223,7 @@ fn a_checkpoint_is_no_excuse_for_a_robot_that_was_closed_meanwhile() {
 }
 
 #[test]
-fn lost_answers_and_a_lost_open_cost_time_only() {
+fn lost_answers_cost_time_only() {
     for lost in 0..4 {
         let mut drive = Drive::new(Robot::pioneer_1());
         let mut answers = 0;
@@ -222,6 +237,14 @@ fn lost_answers_and_a_lost_open_cost_time_only() {
         drive.run(12 * S);
         assert_eq!(drive.scans.last().map(|kept| kept.scan.count), Some(1), "lost {lost}: {:?}", drive.events);
     }
+}
+
+#[test]
+fn an_open_that_is_lost_is_sent_again() {
+    let mut drive = Drive::new(Robot { misses_open: true, ..Robot::pioneer_1() });
+    drive.run(2 * S);
+    assert!(drive.scans.len() >= 8, "{} {:?}", drive.scans.len(), drive.events);
+    assert_eq!((connected(&drive), drive.events.len()), (1, 1), "{:?}", drive.events);
 }
 
 #[test]

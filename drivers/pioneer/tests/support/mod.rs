@@ -20,6 +20,10 @@ pub(crate) struct Robot {
     pub subclass: &'static str,
     pub baud: u32,
     pub open: bool,
+    /// Whether the handshake is done.
+    pub named: bool,
+    /// Whether the next OPEN is lost on its way.
+    pub misses_open: bool,
     /// Whether sonars fire.
     pub sonars: bool,
     /// Whether it follows the command SONAR.
@@ -40,6 +44,8 @@ impl Robot {
             subclass: "pion1m",
             baud: 9600,
             open: false,
+            named: false,
+            misses_open: false,
             sonars: true,
             has_sonar_command: false,
             x_m: 0.0,
@@ -73,20 +79,20 @@ impl Robot {
             let command = psos::Command::decode(&frame.data).unwrap();
             self.heard.push(command.number);
             match (self.open, command.number) {
+                // After the handshake the number of SYNC1 means OPEN.
+                (false, number::OPEN) if self.named && std::mem::take(&mut self.misses_open) => {}
+                (false, number::OPEN) if self.named => {
+                    self.open = true;
+                    self.next_sip_ns = now_ns + 100 * MS;
+                }
                 (false, number::SYNC0 | number::SYNC1) => answer.extend(psos::encode_frame(&[command.number]).unwrap()),
                 (false, number::SYNC2) => {
-                    // The last step of the handshake; OPEN comes as the same number as SYNC1 from here on.
+                    self.named = true;
                     answer.extend(self.identity().encode().unwrap());
                 }
-                (true, number::CLOSE) => self.open = false,
+                (true, number::CLOSE) => (self.open, self.named) = (false, false),
                 (true, number::SONAR) => self.sonars |= self.has_sonar_command,
                 _ => {}
-            }
-            // OPEN after SYNC2 opens; a SYNC1 after SYNC0 does not.
-            if !self.open && command.number == number::OPEN && self.heard.iter().rev().nth(1) == Some(&number::SYNC2) {
-                self.open = true;
-                answer.clear();
-                self.next_sip_ns = now_ns + 100 * MS;
             }
         }
         answer
