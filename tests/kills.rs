@@ -3,7 +3,7 @@
 
 mod harness;
 
-use harness::{Bench, PgmMap, OCCUPIED, Run, kill, map_sha256};
+use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256};
 
 const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
 

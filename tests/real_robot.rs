@@ -23,5 +23,10 @@ fn the_corridor_of_a_real_robot() {
     let second = map_sha256(&bench.output(["replay", log.to_str().unwrap(), "--out", bench.path("b").to_str().unwrap()]));
     assert_eq!(first, second);
     let map = PgmMap::read(&bench.path("a"));
+    let walls = [("left", [0.5, 1.2], [8.0, 1.2], 0.9), ("right", [0.7, -0.9], [7.0, -0.9], 0.75)];
+    for (side, from, to, share) in walls {
+        let found = map.wall_share(from, to, 0.15);
+        assert!(found > share, "the {side} wall of the first corridor is straight over {found:.2} of its length, expected {share}");
+    }
     assert!(map.count(OCCUPIED) > 300 && map.count(FREE) > 3000, "{} occupied, {} free", map.count(OCCUPIED), map.count(FREE));
 }

@@ -181,8 +181,7 @@ impl PgmMap {
     pub(crate) fn read(folder: &Path) -> Self {
         let yaml = std::fs::read_to_string(folder.join("map.yaml")).unwrap();
         let value = |key: &str| yaml.lines().find_map(|line| line.strip_prefix(&format!("{key}: "))).unwrap().trim().to_owned();
-        let origin: Vec<f64> =
-            value("origin").trim_matches(['[', ']']).split(',').map(|number| number.trim().parse().unwrap()).collect();
+        let origin: Vec<f64> = value("origin").trim_matches(['[', ']']).split(',').map(|number| number.trim().parse().unwrap()).collect();
         let bytes = std::fs::read(folder.join(value("image").trim_matches('"'))).unwrap();
         let mut fields = Vec::new();
         let mut at = 0;
