@@ -70,7 +70,7 @@ impl<'a> Decoder<'a> {
         let mut cells = [0.0; grid::TILE_CELLS];
         for cell in &mut cells {
             *cell = self.f32()?;
-            if !(cell.abs() <= limit) {
+            if cell.is_nan() || cell.abs() > limit {
                 return Err(self.error(format!("a cell of {cell}"), "a cell within the limit of log-odds"));
             }
         }

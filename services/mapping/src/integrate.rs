@@ -50,6 +50,7 @@ impl Beam<'_> {
 }
 
 /// The highest occupancies in the cone: of the arc, and of what lies at least a cell before it.
+#[expect(clippy::float_cmp, reason = "cells at the limit of log-odds are equal to the bit, and tie")]
 fn look(lattice: &Lattice<f32>, rows: &[Row], extent: Extent) -> Known {
     let before = all((extent.b - lattice.cell_size().metres()) as f32);
     let (b, c) = (all(extent.b as f32), all(extent.c as f32));

@@ -74,6 +74,7 @@ impl Layer {
         }
     }
 
+    #[expect(clippy::float_cmp, reason = "a tile that is the same to the bit is not sent again")]
     fn show(&mut self, key: TileKey, cells: Tile<f32>) {
         if *self.shown.tile(key).unwrap_or(&UNKNOWN) != cells {
             self.shown.set_tile(key, &cells);

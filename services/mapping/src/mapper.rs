@@ -196,7 +196,7 @@ impl Mapper {
 
     fn take_verdict(&mut self, seq: u64, verdict: &FilterVerdict) -> Result<(), Refused> {
         verdict.validate().map_err(|source| Refused::Invalid { seq, source })?;
-        if let CommitRule::AtHorizon { .. } = self.parameters.commit {
+        if let CommitRule::Horizon { .. } = self.parameters.commit {
             return Err(Refused::UnexpectedVerdict { seq });
         }
         if seq > self.last.seq {
@@ -231,7 +231,7 @@ impl Mapper {
             self.counts.scans += 1;
             self.counts.readings += readings;
             self.counts.withheld += scan.withheld_count();
-            let expected = !matches!(self.parameters.commit, CommitRule::AtHorizon { .. });
+            let expected = !matches!(self.parameters.commit, CommitRule::Horizon { .. });
             if expected && scan.withheld.is_none() {
                 self.counts.undecided += readings;
             }
@@ -348,8 +348,8 @@ impl Mapper {
 fn decided(rule: CommitRule, scan: &PendingScan, now_ns: u64) -> bool {
     let is_past = |after_ns: u64| now_ns >= scan.stamp_ns.saturating_add(after_ns);
     match rule {
-        CommitRule::AtHorizon { horizon_ns } => is_past(horizon_ns),
-        CommitRule::AtVerdict => scan.withheld.is_some(),
-        CommitRule::AtVerdictOr { deadline_ns } => scan.withheld.is_some() || is_past(deadline_ns),
+        CommitRule::Horizon { horizon_ns } => is_past(horizon_ns),
+        CommitRule::Verdict => scan.withheld.is_some(),
+        CommitRule::VerdictOrDeadline { deadline_ns } => scan.withheld.is_some() || is_past(deadline_ns),
     }
 }

@@ -51,14 +51,14 @@ pub(crate) struct Fades {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum CommitRule {
     /// No verdicts: when a scan passes the horizon.
-    AtHorizon {
+    Horizon {
         /// The horizon.
         horizon_ns: u64,
     },
     /// Lockstep: when its verdict is there, however long it takes.
-    AtVerdict,
+    Verdict,
     /// Live: when its verdict is there, or a scan passes the deadline.
-    AtVerdictOr {
+    VerdictOrDeadline {
         /// The deadline.
         deadline_ns: u64,
     },
@@ -86,9 +86,9 @@ impl Parameters {
     pub fn new(settings: &settings::Mapping, pace: Pace) -> Result<Self, ParametersError> {
         let horizon_ns = (settings.horizon_s.get() * 1e9) as u64;
         let commit = match (settings.expect_verdicts, pace) {
-            (false, _) => CommitRule::AtHorizon { horizon_ns },
-            (true, Pace::Lockstep) => CommitRule::AtVerdict,
-            (true, Pace::Live) => CommitRule::AtVerdictOr { deadline_ns: horizon_ns + VERDICT_GRACE_NS },
+            (false, _) => CommitRule::Horizon { horizon_ns },
+            (true, Pace::Lockstep) => CommitRule::Verdict,
+            (true, Pace::Live) => CommitRule::VerdictOrDeadline { deadline_ns: horizon_ns + VERDICT_GRACE_NS },
         };
         let fades = Fades { occupied_m: settings.occupied_fade_m.get(), free_m: settings.free_fade_m.get() };
         Ok(Self {
