@@ -1,5 +1,5 @@
 //! The log of a real robot: imported, replayed, and its walls looked at. Skipped where the recording is absent.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![expect(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "tests fail by panicking, and say what they skip")]
 
 mod harness;
 
