@@ -1,6 +1,6 @@
 //! The map as a fold: what it depends on, and what it does not.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking; equal means equal to the bit")]
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};

@@ -1,10 +1,10 @@
 //! Starts, watches and restarts the processes of a deployment.
 //!
 //! What is to be done is decided by a state machine over values, [`Deployment`]: `(state, event, now) -> actions`. The shell
-//! around it, [`run`], holds the domain on the bus, the children, the clock and the signals. Children are started in the
+//! around it, [`run()`], holds the domain on the bus, the children, the clock and the signals. Children are started in the
 //! order of the settings, each once the one before has given a sign of life; heartbeats come from the work loop of a process,
 //! so that one that hangs is silent, and is killed and started again. Nothing outlives the supervisor: children get SIGKILL
-//! from the kernel when it dies, and a [`guard`] removes the domain then.
+//! from the kernel when it dies, and a [`guard()`] removes the domain then.
 //!
 //! To a process the contract is: the environment `STILLMAP_*` says where it belongs; SIGTERM asks it to finish what it holds;
 //! exit code 0 says that its work is done, 2 that its input cannot be used, [`bus::EXIT_BROKEN_DOMAIN`] that the shared

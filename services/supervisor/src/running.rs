@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub struct Options {
     /// Deployment seconds that pass in a second of the wall clock.
     pub speed: f64,
-    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard`].
+    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard()`].
     pub executable: PathBuf,
 }
 

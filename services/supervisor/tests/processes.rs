@@ -1,7 +1,13 @@
 //! The supervisor with real children, each of which does one wrong thing. This program is the children, too.
 //!
 //! It has no test harness, since children die with the thread that starts them, and harness threads end.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, clippy::print_stderr, reason = "tests fail by panicking and say what they do")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests fail by panicking and say what they do"
+)]
 
 use bus::{Context, Membership, Next, Process, Shell, StepError};
 use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
