@@ -28,8 +28,8 @@ pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transfo
     let (mut all, mut agree) = (0_u32, 0_u32);
     let mut sum = [0.0_f32; 3];
     let mut support = 0.0_f32;
-    // Every second one tells as much.
-    for s in samples.iter().step_by(2) {
+    // Every fourth one tells as much.
+    for s in samples.iter().step_by(4) {
         let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
         let u = (m[0] * s.u + m[1] * s.v + m[2]) * scale;
         let v = (m[3] * s.u + m[4] * s.v + m[5]) * scale;

@@ -26,7 +26,7 @@ pub struct BlobRule {
 
 impl Default for BlobRule {
     fn default() -> Self {
-        Self { size_min: 40.0, thickness_min: 3.0, overlap_min: 0.1, motion_min: 0.1, firm_thickness_min: 2.7, known_share: 0.5 }
+        Self { size_min: 40.0, thickness_min: 3.0, overlap_min: 0.1, motion_min: 0.15, firm_thickness_min: 2.7, known_share: 0.5 }
     }
 }
 

@@ -112,13 +112,27 @@ impl Field {
             let (slope_u, slope_v) = ((right[0] - left[0]) * per_pixel, (right[1] - left[1]) * per_pixel);
             // The centre of the piece's left cell lies half a pixel left of its first whole pixel.
             let first = if piece == 0 { 0.0 } else { start as f32 - (piece * self.cell - self.cell + half) as f32 + 0.5 };
-            for (k, (pu, pv)) in places_u[start..end].iter_mut().zip(&mut places_v[start..end]).enumerate() {
-                let t = first + k as f32;
-                *pu += left[0] + slope_u * t;
-                *pv += left[1] + slope_v * t;
-            }
+            ramp(&mut places_u[start..end], left[0] + slope_u * first, slope_u);
+            ramp(&mut places_v[start..end], left[1] + slope_v * first, slope_v);
             start = end;
             left = right;
         }
+    }
+}
+
+/// Adds `from`, `from + slope`, … to the values, eight at a time: a cell has that many or a multiple.
+#[inline(always)]
+fn ramp(values: &mut [f32], from: f32, slope: f32) {
+    const STEPS: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    let mut from = from;
+    let (eights, rest) = values.as_chunks_mut::<8>();
+    for eight in eights {
+        for (value, step) in eight.iter_mut().zip(STEPS) {
+            *value += from + slope * step;
+        }
+        from += 8.0 * slope;
+    }
+    for (value, step) in rest.iter_mut().zip(STEPS) {
+        *value += from + slope * step;
     }
 }

@@ -1,4 +1,22 @@
-//! Statistical background subtraction on a moving camera (SBS).
+//! Statistical background subtraction on a moving camera (SBS): what moves in the picture of a camera that moves itself.
+//!
+//! Section 5 of the paper. The service is a fold: [`State::step`] takes a frame and gives its answer, a
+//! [`messages::CameraMotion`]; it opens no file, clock or thread. One frame goes this way (`scene`):
+//!
+//! 1. motion compensation: T, from the current frame to the background frame (`compensation`: `direct`, or `icp`, the paper's
+//!    way), and the [`field`] of what T cannot explain, parallax above all (`local`);
+//! 2. the model is carried into the current frame (`resample`, `model`) and takes the frame's brightness;
+//! 3. every pixel is compared with its background Gaussian, or those of its region in the alignment Gaussian model
+//!    ([`alignment`], eqs. 5–10), and updates it or its candidate ([`background`], Table 2);
+//! 4. shadow is dropped (`shadow`, S of eq. 4), the mask cleaned (`morphology`), and what passes the tests is a blob (`blobs`).
+//!
+//! While the robot stands still at the start, the pixels' mixtures are learned by EM ([`mixture`], eq. 4; `learning`).
+//!
+//! Terms: *base picture*: the smoothed picture, at most 320 wide, that motion is estimated in. *Carry*: the displacement from the
+//! last frame to the model that has not been worth a resampling yet. Pictures from 320 wide on are worked on at half size
+//! (`working`); all that goes out is in the camera's pixels.
+//!
+//! [`y4m`] and [`score`] read sequences with truth and tell how good a mask is.
 
 mod agreement;
 pub mod alignment;

@@ -74,9 +74,9 @@ impl Model {
             // A candidate of no values stands in for its neighbours' interpolation with B.
             self.candidate.mean.row_mut(v).copy_from_slice(self.background.mean.row(v));
             self.candidate.variance.row_mut(v).copy_from_slice(self.background.variance.row(v));
-            let wanted = self.candidate.count.row(v);
-            grid.linear_where(wanted, &old.candidate.mean, self.candidate.mean.row_mut(v));
-            grid.linear_where(wanted, &old.candidate.variance, self.candidate.variance.row_mut(v));
+            let Gaussians { mean, variance, count } = &mut self.candidate;
+            let from = [&old.candidate.mean, &old.candidate.variance];
+            grid.linear_where(count.row(v), from, [mean.row_mut(v), variance.row_mut(v)]);
             if let (Some(old), Some(new)) = (&old.shadow, &mut self.shadow) {
                 grid.nearest(&old.ratio, new.ratio.row_mut(v));
                 grid.nearest(&old.sigma, new.sigma.row_mut(v));

@@ -15,18 +15,27 @@ pub(crate) struct Grid {
     inside: Vec<u8>,
 }
 
-/// Cubic weights of the four neighbours of a place: row k is the factor of tᵏ (Catmull–Rom).
-const CUBIC: [[f32; 4]; 4] = [[0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 0.5, 0.0], [1.0, -2.5, 2.0, -0.5], [-0.5, 1.5, -1.5, 0.5]];
+/// Places are told apart to this part of a pixel.
+const PHASES: usize = 64;
+
+/// Cubic weights of the four neighbours of a place at each phase of the way from the second to the third (Catmull–Rom).
+static CUBIC: [[f32; 4]; PHASES + 1] = cubic_table();
+
+const fn cubic_table() -> [[f32; 4]; PHASES + 1] {
+    let mut table = [[0.0; 4]; PHASES + 1];
+    let mut k = 0;
+    while k <= PHASES {
+        let t = k as f32 / PHASES as f32;
+        table[k] =
+            [((-0.5 * t + 1.0) * t - 0.5) * t, (1.5 * t - 2.5) * t * t + 1.0, ((-1.5 * t + 2.0) * t + 0.5) * t, (0.5 * t - 0.5) * t * t];
+        k += 1;
+    }
+    table
+}
 
 #[inline(always)]
-fn weights(t: f32) -> [f32; 4] {
-    let mut w = CUBIC[3];
-    for k in (0..3).rev() {
-        for i in 0..4 {
-            w[i] = w[i] * t + CUBIC[k][i];
-        }
-    }
-    w
+fn weights(t: f32) -> &'static [f32; 4] {
+    &CUBIC[(whole_number(t * PHASES as f32) as usize).min(PHASES)]
 }
 
 impl Grid {
@@ -66,12 +75,13 @@ impl Grid {
             let at = at as usize;
             *o = if inside == 2 {
                 let (wu, wv) = (weights(tu), weights(tv));
-                let block = &values[at - stride - 1..at + 2 * stride + 3];
                 let mut column = [0.0_f32; 4];
+                let first = at - stride - 1;
                 for (j, &wv) in wv.iter().enumerate() {
-                    let row = &block[j * stride..j * stride + 4];
-                    for i in 0..4 {
-                        column[i] += wv * row[i];
+                    if let Some(row) = values[first + j * stride..].first_chunk::<4>() {
+                        for i in 0..4 {
+                            column[i] += wv * row[i];
+                        }
                     }
                 }
                 (column[0] * wu[0] + column[2] * wu[2]) + (column[1] * wu[1] + column[3] * wu[3])
@@ -89,12 +99,15 @@ impl Grid {
         }
     }
 
-    /// Linear along both axes where `wanted` is not 0; the rest stays.
-    pub(crate) fn linear_where(&self, wanted: &[u8], from: &Plane<f32>, out: &mut [f32]) {
-        let (stride, values) = (from.width(), from.values());
+    /// Two planes linear along both axes where `wanted` is not 0; the rest stays.
+    pub(crate) fn linear_where(&self, wanted: &[u8], from: [&Plane<f32>; 2], out: [&mut [f32]; 2]) {
+        let stride = from[0].width();
+        let [out_a, out_b] = out;
         let places = self.at.iter().zip(&self.share_u).zip(&self.share_v);
-        for ((o, ((&at, &tu), &tv)), _) in out.iter_mut().zip(places).zip(wanted).filter(|(_, wanted)| **wanted != 0) {
-            *o = mix(values, at as usize, stride, tu, tv);
+        let all = wanted.iter().zip(out_a).zip(out_b).zip(places);
+        for (((_, a), b), ((&at, &tu), &tv)) in all.filter(|(((wanted, _), _), _)| **wanted != 0) {
+            *a = mix(from[0].values(), at as usize, stride, tu, tv);
+            *b = mix(from[1].values(), at as usize, stride, tu, tv);
         }
     }
 
