@@ -1,7 +1,7 @@
 //! How well a transform explains the frame, and what its residuals are.
 
 use crate::alignment::Covariance;
-use crate::pyramid::Level;
+use crate::plane::Plane;
 use crate::samples::Sample;
 use crate::transform::Transform;
 
@@ -21,9 +21,9 @@ pub(crate) struct Agreement {
     pub(crate) sigma: Covariance,
 }
 
-/// Compares the samples of the current frame with the previous one at T x; a sample that leaves the picture has no say.
-pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transform: &Transform) -> Agreement {
-    let (right, bottom) = ((previous.image.width() - 1) as f32, (previous.image.height() - 1) as f32);
+/// Compares the samples of the current frame with a picture at T x; a sample that leaves the picture has no say.
+pub(crate) fn agreement(samples: &[Sample], reference: &Plane<f32>, gain: f32, transform: &Transform) -> Agreement {
+    let (right, bottom) = ((reference.width() - 1) as f32, (reference.height() - 1) as f32);
     let m = transform.rows().map(|x| x as f32);
     let (mut all, mut agree) = (0_u32, 0_u32);
     let mut sum = [0.0_f32; 3];
@@ -37,7 +37,7 @@ pub(crate) fn agreement(samples: &[Sample], previous: &Level, gain: f32, transfo
             continue;
         }
         all += 1;
-        let e = s.value - gain * previous.image.bilinear_inside(u, v);
+        let e = s.value - gain * reference.bilinear_inside(u, v);
         let t = e / NOISE;
         support += 1.0 / (1.0 + t * t);
         let squared = s.gradient_u * s.gradient_u + s.gradient_v * s.gradient_v;

@@ -24,6 +24,15 @@ pub(crate) struct Found {
     pub(crate) agreement: Agreement,
 }
 
+impl Found {
+    /// The same in a picture `factor` times as large.
+    pub(crate) fn scaled(&self, factor: usize) -> Self {
+        let factor = factor as f64;
+        let sigma = self.agreement.sigma.times(factor * factor);
+        Self { transform: self.transform.scaled(factor).unwrap_or(self.transform), agreement: Agreement { sigma, ..self.agreement } }
+    }
+}
+
 /// The frames between which motion is sought, both as base pyramids.
 pub(crate) struct Frames<'a> {
     pub(crate) current: &'a Pyramid,
@@ -37,7 +46,8 @@ pub(crate) struct Frames<'a> {
 /// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be believed.
 pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Option<Transform>, settings: &Settings) -> (Found, bool) {
     let samples = strongest(frames.current.base(), 0, frames.moving);
-    let judge = |transform: Transform| Found { transform, agreement: agreement(&samples, frames.previous.base(), frames.gain, &transform) };
+    let judge =
+        |transform: Transform| Found { transform, agreement: agreement(&samples, &frames.previous.base().image, frames.gain, &transform) };
     let mut best = judge(Transform::identity());
     for guess in [odometry, Some(prediction)].into_iter().flatten() {
         best = better(best, judge(guess));

@@ -2,7 +2,7 @@
 
 use messages::CameraStatus;
 
-use crate::agreement::Agreement;
+use crate::agreement::{Agreement, agreement};
 use crate::alignment::{Covariance, region};
 use crate::blobs::{self, Evidence};
 use crate::compensation::{self, Found, Frames};
@@ -15,6 +15,7 @@ use crate::morphology;
 use crate::motion::{Motion, Places};
 use crate::plane::Plane;
 use crate::pyramid::{self, Pyramid};
+use crate::samples::strongest;
 use crate::settings::Settings;
 use crate::shadow;
 use crate::transform::Transform;
@@ -23,6 +24,11 @@ use crate::transform::Transform;
 const FAILURES_MAX: u32 = 3;
 /// The local field starts from this share of the last one.
 const FIELD_KEPT: f32 = 0.9;
+
+/// A carry of less than this may be nothing but noise, base px.
+const CARRY_STILL_PX: f32 = 0.1;
+/// The support of the model may be this much below that of the frame before while the camera stands still.
+const SUPPORT_STILL: f64 = 0.01;
 
 /// What a picture came to.
 #[derive(Debug)]
@@ -149,11 +155,12 @@ impl Scene {
         let turned = self.yaw_rad.zip(yaw_rad).and_then(|(before, now)| compensation::turned(now - before, focal_px));
         let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, settings);
         if !believed {
-            return self.not_compensated(picture, yaw_rad, settings, found);
+            return self.not_compensated(picture, yaw_rad, settings, found.scaled(1 << halvings(self.width)));
         }
         self.failures = 0;
         self.yaw_rad = yaw_rad;
-        let gain_model = self.compensate(&now, found.transform, settings);
+        let gain_model = self.compensate(&now, &found, settings);
+        let found = found.scaled(1 << halvings(self.width));
         if self.training.is_some() {
             self.learn(picture, gain_model, settings);
             self.keep(now);
@@ -181,10 +188,15 @@ impl Scene {
     }
 
     /// The local field on top of T, and the model carried into the current frame. Gives the frame's brightness over the model's.
-    fn compensate(&mut self, now: &Current<'_>, transform: Transform, settings: &Settings) -> f32 {
-        let rule = &settings.local;
+    fn compensate(&mut self, now: &Current<'_>, found: &Found, settings: &Settings) -> f32 {
+        let (rule, transform) = (&settings.local, found.transform);
         let model_base = pyramid::base(&self.model.background.mean, halvings(self.width));
         let gain_model = compensation::gain(&now.base, &model_base, &now.moving);
+        if self.stands_still(now, found, &model_base, gain_model) {
+            self.motion = Motion { transform, field: self.motion.field.times(0.0) };
+            self.carry = self.carry.times(0.0);
+            return gain_model;
+        }
         let reference = compensation::reference(&self.base, now.gain, &model_base, gain_model, rule.model_share);
         // The reference lies a share of the carry away from the previous frame.
         let start = Motion { transform, field: self.motion.field.times(FIELD_KEPT).plus(&self.carry, rule.model_share) };
@@ -206,6 +218,17 @@ impl Scene {
         }
         self.motion = to_previous;
         gain_model
+    }
+
+    /// A camera that stands still sees no parallax, and whoever walks close by it cannot bend the model: when the frame agrees
+    /// with the model as it lies as well as it does with the frame before, there is no field to look for.
+    fn stands_still(&self, now: &Current<'_>, found: &Found, model_base: &Plane<f32>, gain_model: f32) -> bool {
+        if found.transform != Transform::identity() || self.carry.rms() > CARRY_STILL_PX {
+            return false;
+        }
+        let samples = strongest(now.pyramid.base(), 0, &now.moving);
+        let with_model = agreement(&samples, model_base, gain_model, &found.transform);
+        with_model.support >= found.agreement.support - SUPPORT_STILL
     }
 
     fn learn(&mut self, picture: &Plane<f32>, gain: f32, settings: &Settings) {
