@@ -79,7 +79,7 @@ pub enum DomainError {
         source: io::Error,
     },
     /// The bus fails.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
 }
 
@@ -114,6 +114,7 @@ impl Domain {
             let path = path.to_owned();
             move |source| DomainError::Io { path, source }
         };
+        paths.wipe().map_err(io(&paths.directory))?;
         lock.set_len(0).and_then(|()| write!(lock, "{} {run:016x}", std::process::id())).map_err(io(&paths.lock))?;
         let mut domain =
             Self { paths, fabric: None, services: Vec::new(), writers: Vec::new(), listeners: Vec::new(), run, clock, _lock: lock };
@@ -121,8 +122,8 @@ impl Domain {
         Ok(domain)
     }
 
-    /// Wipes the domain and creates every service anew, in the same run. Only while no process of it lives. Readers and
-    /// writers made before are of no use after.
+    /// Wipes the bus and creates every service anew, in the same run; the checkpoints stay. Only while no process of it lives.
+    /// Readers and writers made before have to be dropped before: they would take parts of the new bus with them.
     ///
     /// # Errors
     /// As [`Domain::open`].
@@ -132,7 +133,7 @@ impl Domain {
         self.listeners.clear();
         self.services.clear();
         self.fabric = None;
-        self.paths.wipe().map_err(io)?;
+        self.paths.wipe_bus().map_err(io)?;
         make_private(&self.paths.directory).map_err(io)?;
         make_private(&self.paths.root()).map_err(io)?;
         let fabric = Fabric::join(&self.paths, "supervisor")?;

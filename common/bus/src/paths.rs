@@ -74,13 +74,19 @@ impl DomainPaths {
 
     /// Removes everything the domain ever put anywhere. Only while nothing lives in it.
     pub(crate) fn wipe(&self) -> io::Result<()> {
+        self.wipe_bus()?;
+        ignore_missing(std::fs::remove_dir_all(&self.directory))
+    }
+
+    /// Removes what iceoryx2 has made, and keeps the checkpoints of the run. Only while nothing lives in the domain.
+    pub(crate) fn wipe_bus(&self) -> io::Result<()> {
         let prefix = self.prefix();
         for entry in std::fs::read_dir("/dev/shm")?.flatten() {
             if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
                 ignore_missing(std::fs::remove_file(entry.path()))?;
             }
         }
-        ignore_missing(std::fs::remove_dir_all(&self.directory))
+        ignore_missing(std::fs::remove_dir_all(self.root()))
     }
 }
 
