@@ -33,7 +33,7 @@ pub enum GuardError {
     #[error("standard input: {0}")]
     Input(#[from] io::Error),
     /// The domain cannot be removed.
-    #[error(transparent)]
+    #[error("{0}")]
     Domain(#[from] bus::DomainError),
 }
 

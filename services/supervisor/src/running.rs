@@ -28,13 +28,13 @@ pub enum Report<'a> {
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The settings cannot be handed to the processes.
-    #[error(transparent)]
+    #[error("{0}")]
     Settings(#[from] SettingsError),
     /// The domain is taken or cannot be made.
-    #[error(transparent)]
+    #[error("{0}")]
     Domain(#[from] DomainError),
     /// The supervisor's own use of the bus failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
     /// The system refused.
     #[error("{what}: {source}")]
