@@ -31,7 +31,7 @@ const FAREWELL_LOOK: Duration = Duration::from_millis(10);
 #[derive(Debug, thiserror::Error)]
 pub enum SimulatorError {
     /// The world's file is no world.
-    #[error(transparent)]
+    #[error("{0}")]
     World(#[from] SettingsError),
     /// No serial port for the robot.
     #[error("cannot open a pseudo-terminal as {path}: {source}")]
@@ -42,10 +42,10 @@ pub enum SimulatorError {
         source: std::io::Error,
     },
     /// The bus failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
     /// The process failed at its work.
-    #[error(transparent)]
+    #[error("{0}")]
     Run(#[from] RunError),
 }
 
@@ -201,6 +201,8 @@ impl Process {
             WorldClock::Runs { .. } => context.note(&format!("driving, {driven_s} of {drive_s} s")),
         }
         let line = self.robot.line();
+        context.count("done", driven_s);
+        context.count("total", drive_s);
         context.count("status packets", self.state.sent);
         context.count("commands", line.packets);
         context.count("bad checksums", line.bad_checksums);

@@ -49,7 +49,10 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
         .processes
         .iter()
         .filter(|process| process.restarts > 0)
-        .map(|process| format!("{} {} times", process.name, process.restarts))
+        .map(|process| match process.restarts {
+            1 => format!("{} once", process.name),
+            times => format!("{} {times} times", process.name),
+        })
         .collect();
     if !restarted.is_empty() {
         output::line(&format!("restarted  {}", restarted.join(", ")))?;
