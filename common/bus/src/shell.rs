@@ -68,10 +68,10 @@ pub struct Context<'a> {
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The bus failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
     /// The domain failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Domain(#[from] DomainError),
     /// The process failed.
     #[error("{0}")]

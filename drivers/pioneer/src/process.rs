@@ -28,10 +28,10 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 #[derive(Debug, thiserror::Error)]
 pub enum PioneerError {
     /// The bus failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
     /// The process failed at its work.
-    #[error(transparent)]
+    #[error("{0}")]
     Run(#[from] RunError),
 }
 

@@ -34,10 +34,10 @@ pub enum MappingError {
     #[error("[mapping]: {0}")]
     Parameters(#[from] ParametersError),
     /// A service cannot be used.
-    #[error(transparent)]
+    #[error("{0}")]
     Bus(#[from] BusError),
     /// The work loop failed.
-    #[error(transparent)]
+    #[error("{0}")]
     Run(#[from] RunError),
 }
 
