@@ -24,25 +24,52 @@ pub(crate) struct Cone {
     tan_half: f64,
     /// How far it reaches.
     reach: f64,
+    edges: [Edge; 2],
+}
+
+/// What an edge of the opening angle says of dx at a given dy, both from the transducer.
+#[derive(Debug, Clone, Copy)]
+enum Edge {
+    /// dx is at least this × dy.
+    Least(f64),
+    /// dx is at most this × dy.
+    Most(f64),
+    /// The edge runs along x and says nothing.
+    AlongRows,
+}
+
+impl Edge {
+    /// Of the cells with tan · along + `side` · across ≥ 0.
+    fn new(sin: f64, cos: f64, tan_half: f64, side: f64) -> Self {
+        let per_dx = tan_half * cos - side * sin;
+        let slope = -(tan_half * sin + side * cos) / per_dx;
+        match per_dx {
+            _ if !slope.is_finite() => Self::AlongRows,
+            p if p > 0.0 => Self::Least(slope),
+            _ => Self::Most(slope),
+        }
+    }
+}
+
+/// The cells of a cone: row by row, whole groups of neighbours, each with its place in the sonar's frame.
+#[derive(Debug)]
+pub(crate) struct Groups {
+    rows: Vec<Row>,
+    places: Vec<Group>,
 }
 
 /// The part of a row that may hold cells of a cone.
 #[derive(Debug, Clone)]
 pub(crate) struct Row {
-    /// The row.
-    pub(crate) row: i32,
-    /// Its columns, whole groups.
-    pub(crate) columns: Range<i32>,
-    /// The row's first cell in the sonar's frame, and the step to the next; m.
-    along: f32,
-    across: f32,
-    along_step: f32,
-    across_step: f32,
-    tan_half: f32,
+    row: i32,
+    /// Whole groups.
+    columns: Range<i32>,
+    /// Where its first group is among all.
+    start: usize,
 }
 
 /// Where a group of neighbouring cells lies in the sonar's frame.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Group {
     /// Distances from the transducer, m; infinite outside the opening angle.
     pub(crate) z: Lanes,
@@ -55,21 +82,44 @@ impl Cone {
     pub(crate) fn new(cell: CellSize, map_from_robot: &Pose, reading: &SonarReading, half_beam_rad: f64, reach_m: f64) -> Self {
         let map_from_sonar = map_from_robot.then(&reading.mount);
         let (sin, cos) = map_from_sonar.yaw_rad.sin_cos();
-        let cell_m = cell.metres();
+        let (cell_m, tan_half) = (cell.metres(), half_beam_rad.tan());
         Self {
             cell_m,
             x: map_from_sonar.x_m / cell_m,
             y: map_from_sonar.y_m / cell_m,
             cos,
             sin,
-            tan_half: half_beam_rad.tan(),
+            tan_half,
             reach: (reach_m / cell_m).max(0.0),
+            edges: [1.0, -1.0].map(|side| Edge::new(sin, cos, tan_half, side)),
         }
     }
 
-    /// The rows that may hold cells of the cone.
-    pub(crate) fn rows(&self) -> impl Iterator<Item = Row> {
-        indices(self.extent(self.y, self.sin, self.cos)).filter_map(|row| self.row(row))
+    /// The cells of the cone, and a few beside it.
+    pub(crate) fn groups(&self) -> Groups {
+        let (along_step, across_step) = (all((self.cell_m * self.cos) as f32), all((-self.cell_m * self.sin) as f32));
+        let (tan_half, lanes) = (all(self.tan_half as f32), Lanes::new([0.0, 1.0, 2.0, 3.0]));
+        let rows = indices(self.extent(self.y, self.sin, self.cos));
+        let row_count = rows.end().abs_diff(*rows.start()) as usize + 1;
+        // The area of the cone, and at either end of a row a group that lies partly beside it.
+        let group_count = (self.reach * self.reach * self.tan_half) as usize / LANES + 2 * row_count;
+        let mut groups = Groups { rows: Vec::with_capacity(row_count), places: Vec::with_capacity(group_count) };
+        for row in rows {
+            let Some(columns) = self.columns(row) else { continue };
+            let (dx, dy) = (f64::from(columns.start) + 0.5 - self.x, f64::from(row) + 0.5 - self.y);
+            let first_along = all((self.cell_m * (dx * self.cos + dy * self.sin)) as f32);
+            let first_across = all((self.cell_m * (dy * self.cos - dx * self.sin)) as f32);
+            let start = groups.places.len();
+            groups.places.extend((0..columns.len() / LANES).map(|group| {
+                let steps = all((group * LANES) as f32) + lanes;
+                let (along, across) = (first_along + steps * along_step, first_across + steps * across_step);
+                let inside = across.abs().simd_le(tan_half * along);
+                let z = (along * along + across * across).sqrt();
+                Group { z: inside.select(z, all(f32::INFINITY)), along, across }
+            }));
+            groups.rows.push(Row { row, columns, start });
+        }
+        groups
     }
 
     /// The tiles that hold every cell of the cone's rows.
@@ -93,8 +143,8 @@ impl Cone {
         (from + self.reach * lowest, from + self.reach * highest)
     }
 
-    /// The part of a row that may hold cells of the cone, if any.
-    fn row(&self, row: i32) -> Option<Row> {
+    /// The columns of a row that may hold cells of the cone, if any, widened to whole groups.
+    fn columns(&self, row: i32) -> Option<Range<i32>> {
         let dy = f64::from(row) + 0.5 - self.y;
         let room = self.reach * self.reach - dy * dy;
         if room < 0.0 {
@@ -102,32 +152,18 @@ impl Cone {
         }
         let widest = room.sqrt();
         let (mut low, mut high) = (-widest, widest);
-        // Inside the opening angle: tan · along ± across ≥ 0 on both sides; each is a bound on dx at this dy.
-        for side in [1.0, -1.0] {
-            let per_dx = self.tan_half * self.cos - side * self.sin;
-            let rest = (self.tan_half * self.sin + side * self.cos) * dy;
-            if per_dx > 0.0 {
-                low = low.max(-rest / per_dx);
-            } else if per_dx < 0.0 {
-                high = high.min(-rest / per_dx);
+        for edge in &self.edges {
+            match *edge {
+                Edge::Least(slope) => low = low.max(slope * dy),
+                Edge::Most(slope) => high = high.min(slope * dy),
+                Edge::AlongRows => {}
             }
         }
         let columns = indices((self.x + low, self.x + high));
         let group = LANES as i32;
         let (first, last) = (columns.start() & !(group - 1), columns.end() | (group - 1));
-        if last < first {
-            return None;
-        }
-        let dx = f64::from(first) + 0.5 - self.x;
-        Some(Row {
-            row,
-            columns: first..last.saturating_add(1),
-            along: (self.cell_m * (dx * self.cos + dy * self.sin)) as f32,
-            across: (self.cell_m * (dy * self.cos - dx * self.sin)) as f32,
-            along_step: (self.cell_m * self.cos) as f32,
-            across_step: (-self.cell_m * self.sin) as f32,
-            tan_half: self.tan_half as f32,
-        })
+        // At the very end of the lattice there is no whole group.
+        (first <= last && last < i32::MAX).then(|| first..last + 1)
     }
 }
 
@@ -142,16 +178,29 @@ fn floor(number: f64) -> i32 {
     towards_zero.saturating_sub(i32::from(number < f64::from(towards_zero)))
 }
 
-impl Row {
-    /// Where the group of cells that begins at this column of the row lies.
+impl Groups {
+    /// The rows, from the smallest y.
+    pub(crate) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The groups of a row from this column on.
     #[inline(always)]
-    pub(crate) fn group(&self, column: i32) -> Group {
-        let steps = all(column.wrapping_sub(self.columns.start) as f32) + Lanes::new([0.0, 1.0, 2.0, 3.0]);
-        let along = all(self.along) + steps * all(self.along_step);
-        let across = all(self.across) + steps * all(self.across_step);
-        let inside = across.abs().simd_le(all(self.tan_half) * along);
-        let z = (along * along + across * across).sqrt();
-        Group { z: inside.select(z, all(f32::INFINITY)), along, across }
+    pub(crate) fn of_row_from(&self, row: &Row, column: i32) -> &[Group] {
+        let before = column.abs_diff(row.columns.start) as usize / LANES;
+        self.places.get(row.start + before..).unwrap_or_default()
+    }
+}
+
+impl Row {
+    /// Its number.
+    pub(crate) fn row(&self) -> i32 {
+        self.row
+    }
+
+    /// Its columns.
+    pub(crate) fn columns(&self) -> Range<i32> {
+        self.columns.clone()
     }
 }
 

@@ -4,7 +4,7 @@ use grid::{Lattice, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::Parameters;
-use crate::cone::{Cone, Row};
+use crate::cone::{Cone, Groups};
 use crate::numeric::{LANES, Lanes, all};
 use crate::sensor_model::{Extent, SensorModel};
 use crate::tuning::Known;
@@ -23,12 +23,12 @@ impl Beam<'_> {
     pub(crate) fn integrate(&self, lattice: &mut Lattice<f32>, parameters: &Parameters, withheld: bool) {
         let extent = self.extent(parameters);
         let cone = self.cone(parameters, extent.c);
-        let rows: Vec<Row> = cone.rows().collect();
-        let known = if parameters.tuning.enabled() { look(lattice, &rows, extent) } else { Known::NOTHING };
+        let groups = cone.groups();
+        let known = if parameters.tuning.enabled() { look(lattice, &groups, extent) } else { Known::NOTHING };
         let tuned = parameters.tuning.tune(known);
         let extent = if withheld { extent.without_surface() } else { extent };
         let model = SensorModel::new(&parameters.sensor, self.reading.range_m, extent, tuned);
-        update(lattice, &rows, &model, parameters.l_max);
+        update(lattice, &groups, &model, parameters.l_max);
     }
 
     /// The tiles that hold every cell the reading looks at or touches.
@@ -50,18 +50,18 @@ impl Beam<'_> {
 }
 
 /// The highest occupancies in the cone: of the arc, and of what lies at least a cell before it.
-#[expect(clippy::float_cmp, reason = "cells at the limit of log-odds are equal to the bit, and tie")]
-fn look(lattice: &Lattice<f32>, rows: &[Row], extent: Extent) -> Known {
+fn look(lattice: &Lattice<f32>, groups: &Groups, extent: Extent) -> Known {
     let before = all((extent.b - lattice.cell_size().metres()) as f32);
     let (b, c) = (all(extent.b as f32), all(extent.c as f32));
     let mut highest_before = all(0.0);
     let (mut highest_arc, mut theta_max) = (0.0_f32, 0.0_f32);
-    for row in rows {
-        lattice.visit_row(row.row, row.columns.clone(), |first, cells| {
-            for (column, cells) in (first..).step_by(LANES).zip(cells.as_chunks::<LANES>().0) {
-                let group = row.group(column);
+    for row in groups.rows() {
+        lattice.visit_row(row.row(), row.columns(), |first, cells| {
+            // What the loop works with is held by itself, in registers.
+            let (before, b, c, mut highest) = (before, b, c, highest_before);
+            for (group, cells) in groups.of_row_from(row, first).iter().zip(cells.as_chunks::<LANES>().0) {
                 let cells = Lanes::new(*cells);
-                highest_before = highest_before.fast_max(group.z.simd_lt(before) & cells);
+                highest = highest.fast_max(group.z.simd_lt(before) & cells);
                 let on_arc = group.z.simd_ge(b) & group.z.simd_lt(c);
                 if on_arc.any() {
                     for (cell, theta) in (on_arc & cells).to_array().into_iter().zip(group.theta().to_array()) {
@@ -72,6 +72,7 @@ fn look(lattice: &Lattice<f32>, rows: &[Row], extent: Extent) -> Known {
                     }
                 }
             }
+            highest_before = highest;
         });
     }
     let highest_before = highest_before.to_array().into_iter().fold(0.0, f32::max);
@@ -79,23 +80,23 @@ fn look(lattice: &Lattice<f32>, rows: &[Row], extent: Extent) -> Known {
 }
 
 /// Eq. 3 for every cell of the cone.
-fn update(lattice: &mut Lattice<f32>, rows: &[Row], model: &SensorModel, l_max: f32) {
-    let (a, end) = (all(model.a), all(model.c));
-    for row in rows {
-        lattice.visit_row_mut(row.row, row.columns.clone(), |first, cells| {
-            for (column, cells) in (first..).step_by(LANES).zip(cells.as_chunks_mut::<LANES>().0) {
-                let group = row.group(column);
-                let within = group.z.simd_lt(end);
+fn update(lattice: &mut Lattice<f32>, groups: &Groups, model: &SensorModel, l_max: f32) {
+    for row in groups.rows() {
+        lattice.visit_row_mut(row.row(), row.columns(), |first, cells| {
+            // A copy of its own: what the loop works with does not change when it writes a cell.
+            let (model, least, most) = (*model, all(-l_max), all(l_max));
+            for (group, cells) in groups.of_row_from(row, first).iter().zip(cells.as_chunks_mut::<LANES>().0) {
+                let within = group.z.simd_lt(model.c);
                 if !within.any() {
                     continue;
                 }
-                let free = group.z.simd_lt(a);
+                let free = group.z.simd_lt(model.a);
                 let said = if (free ^ within).any() {
                     within & model.log_odds(group.z, group.theta())
                 } else {
                     free & model.free_log_odds(group.z, group.theta())
                 };
-                *cells = add(Lanes::new(*cells), said, l_max).to_array();
+                *cells = add(Lanes::new(*cells), said, least, most).to_array();
             }
         });
     }
@@ -103,8 +104,8 @@ fn update(lattice: &mut Lattice<f32>, rows: &[Row], model: &SensorModel, l_max: 
 
 /// Eq. 3 as a clamped sum of log-odds.
 #[inline(always)]
-pub(crate) fn add(log_odds: Lanes, said: Lanes, l_max: f32) -> Lanes {
-    (log_odds + said).fast_max(all(-l_max)).fast_min(all(l_max))
+pub(crate) fn add(log_odds: Lanes, said: Lanes, least: Lanes, most: Lanes) -> Lanes {
+    (log_odds + said).fast_max(least).fast_min(most)
 }
 
 /// Occupancy of a cell by its log-odds.

@@ -27,14 +27,13 @@ pub(crate) fn exp(x: Lanes) -> Lanes {
     let shifted = x * all(std::f32::consts::LOG2_E) + round;
     let n = shifted - round;
     let r = x - n * all(0.693_359_4) + n * all(2.121_944_4e-4);
-    let p = all(1.987_569_1e-4);
-    let p = p * r + all(1.398_2e-3);
-    let p = p * r + all(8.333_452e-3);
-    let p = p * r + all(4.166_579_6e-2);
-    let p = p * r + all(1.666_666_5e-1);
+    let r2 = r * r;
+    let low = all(4.166_579_6e-2) * r + all(1.666_666_5e-1);
+    let high = all(1.987_569_1e-4) * r + all(1.398_2e-3);
+    let p = (high * r + all(8.333_452e-3)) * r2 + low;
     let p = p * r + all(0.5);
     let scale: Lanes = cast((cast::<Lanes, i32x4>(shifted) + i32x4::splat(127)) << 23);
-    (p * r * r + r + all(1.0)) * scale
+    (p * r2 + (r + all(1.0))) * scale
 }
 
 /// ln x for normal x above 0; a large finite number for +∞.
@@ -67,12 +66,11 @@ pub(crate) const SMALL: f32 = 0.34;
 #[inline(always)]
 pub(crate) fn small_atanh(t: Lanes) -> Lanes {
     let t2 = t * t;
-    let p = all(1.0 / 11.0);
-    let p = p * t2 + all(1.0 / 9.0);
-    let p = p * t2 + all(1.0 / 7.0);
-    let p = p * t2 + all(1.0 / 5.0);
-    let p = p * t2 + all(1.0 / 3.0);
-    p * t2 * t + t
+    let t4 = t2 * t2;
+    let low = all(1.0 / 5.0) * t2 + all(1.0 / 3.0);
+    let high = all(1.0 / 11.0) * t4 + (all(1.0 / 9.0) * t2 + all(1.0 / 7.0));
+    let p = high * t4 + low;
+    p * (t2 * t) + t
 }
 
 /// Angle of (x, y) from the x axis, rad, for x above 0 and |y| ≤ 2.4 x.
