@@ -161,7 +161,7 @@ mod tests {
         status.processes[0] = ProcessStatus {
             process: Text::new("mapping"),
             note: Text::new("12 tiles"),
-            heartbeat_age_ms: 150,
+            heartbeat_age_ms: 120,
             received_per_s: 10.04,
             cpu: 0.013,
             resident_bytes: 4_200_000,
@@ -182,6 +182,6 @@ process  state     pid  restarts  heartbeat  in/s  out/s  lost    cpu  memory  n
 mapping  running  4711         0      0.1 s  10.0    0.0     0  1.3 %  4.2 MB  12 tiles
 pioneer  backoff     -         2          -   0.0    0.0     0  0.0 %  0.0 MB
 ";
-        assert_eq!(as_table(&status).replace("0.2 s", "0.1 s"), expected);
+        assert_eq!(as_table(&status), expected);
     }
 }
