@@ -87,6 +87,7 @@ fn set(s: &mut Settings, key: &str, value: f32) -> Result<()> {
         "overlap_min" => s.blobs.overlap_min = value,
         "motion_min" => s.blobs.motion_min = value,
         "known_share" => s.blobs.known_share = value,
+        "held_age" => s.blobs.held_age = value as u8,
         "firm_thickness_min" => s.blobs.firm_thickness_min = value,
         _ => bail!("no setting {key}"),
     }

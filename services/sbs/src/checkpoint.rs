@@ -115,7 +115,7 @@ fn write_scene(out: &mut Vec<u8>, scene: &Scene) {
     out.extend(scene.motion.transform.rows().iter().flat_map(|m| m.to_le_bytes()));
     cells(out, &scene.motion.field);
     bytes_of(out, &scene.foreground);
-    bytes_of(out, &scene.mask);
+    bytes_of(out, &scene.age);
     option(out, scene.yaw_rad.map(f64::to_le_bytes));
     out.extend(scene.failures.to_le_bytes());
     out.push(u8::from(scene.training.is_some()));
@@ -150,7 +150,7 @@ fn read_scene(input: &mut Input<'_>) -> Result<(Working, Scene), CheckpointError
     }
     let transform = Transform::new(rows).ok_or_else(|| input.refused("the transform"))?;
     let motion = Motion { transform, field: input.field(&still)? };
-    let (foreground, mask) = (input.bytes_of(width, height)?, input.bytes_of(width, height)?);
+    let (foreground, age) = (input.bytes_of(width, height)?, input.bytes_of(width, height)?);
     let yaw_rad = if input.flag()? { Some(f64::from_le_bytes(input.array()?)) } else { None };
     if yaw_rad.is_some_and(|yaw| !yaw.is_finite()) {
         return Err(input.refused("the heading"));
@@ -161,7 +161,7 @@ fn read_scene(input: &mut Input<'_>) -> Result<(Working, Scene), CheckpointError
     pyramid.rebuild(&base);
     let model = Model { background, candidate, shadow };
     let spare = Model::default();
-    Ok((working, Scene { width, height, base, pyramid, model, spare, carry, motion, foreground, mask, yaw_rad, failures, training }))
+    Ok((working, Scene { width, height, base, pyramid, model, spare, carry, motion, foreground, age, yaw_rad, failures, training }))
 }
 
 fn option<const N: usize>(out: &mut Vec<u8>, value: Option<[u8; N]>) {

@@ -58,8 +58,8 @@ pub(crate) struct Scene {
     pub(crate) motion: Motion,
     /// The cleaned foreground before the tests of blobs.
     pub(crate) foreground: Plane<u8>,
-    /// The mask of the blobs.
-    pub(crate) mask: Plane<u8>,
+    /// For how many frames each pixel's blob has been one; 0 where there is none.
+    pub(crate) age: Plane<u8>,
     pub(crate) yaw_rad: Option<f64>,
     pub(crate) failures: u32,
     /// While it is there, the status is `Learning`.
@@ -135,11 +135,18 @@ impl Scene {
             carry: still.clone(),
             motion: Motion { transform: Transform::identity(), field: still },
             foreground: Plane::filled(width, height, 0),
-            mask: Plane::filled(width, height, 0),
+            age: Plane::filled(width, height, 0),
             yaw_rad,
             failures: 0,
             training: (settings.training_frames > 1).then_some(training),
         }
+    }
+
+    /// The mask of the blobs.
+    pub(crate) fn mask(&self) -> Plane<u8> {
+        let mut mask = self.age.clone();
+        mask.values_mut().iter_mut().for_each(|age| *age = if *age > 0 { SET } else { 0 });
+        mask
     }
 
     /// The next motion is sought from standstill.
@@ -172,11 +179,12 @@ impl Scene {
         let lit = shadow::dropped(&foreground, picture, &self.model, first, k, &settings.shadow);
         let cleaned = morphology::closed(&morphology::median(&lit));
         let last = morphology::dilated(&morphology::dilated(&self.foreground));
-        let known = morphology::dilated(&self.mask);
-        let evidence = Evidence { mask: &cleaned, last: &last, blobs: &known, moved: &moved, picture, model: &self.model, k };
-        let (blobs, mask) = blobs::select(&components(&cleaned), &evidence, &settings.blobs);
+        let known = morphology::dilated(&self.mask());
+        let evidence =
+            Evidence { mask: &cleaned, last: &last, blobs: &known, age: &self.age, moved: &moved, picture, model: &self.model, k };
+        let (blobs, age) = blobs::select(&components(&cleaned), &evidence, &settings.blobs);
         self.foreground = cleaned;
-        self.mask = mask;
+        self.age = age;
         self.keep(now);
         Outcome { status: CameraStatus::Compensated, found, blobs, restarted: false }
     }
@@ -246,7 +254,7 @@ impl Scene {
         let mut foreground = self.model.match_values(now.picture, gain_model, rule);
         let around = neighbours(sigma_hat.times(settings.beta), settings.h_bar);
         let mut moved = Plane::filled(self.width, self.height, 0_u8);
-        let slow = morphology::dilated(&self.mask);
+        let slow = morphology::dilated(&self.mask());
         let halvings = halvings(self.width);
         let (mut places, mut places_of) = (Places::default(), usize::MAX);
         let before = &self.base;
@@ -279,7 +287,7 @@ impl Scene {
     fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings, found: Found) -> Outcome {
         self.failures += 1;
         self.forget_motion();
-        self.mask.values_mut().fill(0);
+        self.age.values_mut().fill(0);
         let restarted = self.failures >= FAILURES_MAX;
         if restarted {
             *self = Self { training: None, ..Self::new(picture, yaw_rad, settings) };

@@ -81,7 +81,7 @@ impl State {
     /// The mask of the last frame's blobs: 255 where something moves.
     #[must_use]
     pub fn mask(&self) -> Option<Plane<u8>> {
-        self.scene.as_ref().map(|(working, scene)| working.mask(&scene.mask))
+        self.scene.as_ref().map(|(working, scene)| working.mask(&scene.mask()))
     }
 
     /// The background picture, grey levels.
