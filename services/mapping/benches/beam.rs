@@ -1,36 +1,65 @@
-//! Time to integrate one 3 m beam with the full fuzzy-tuned model into a 5 cm lattice, in small and large maps.
+//! Time to integrate one beam with the full fuzzy-tuned model into a 5 cm lattice, in a small and in a large map; to show the map
+//! anew within the horizon; and to save the state.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use grid::{Cell, CellSize, Lattice, TILE_EDGE};
-use messages::{Pose, SonarReading};
-use stillmap_mapping::{Parameters, integrate_reading};
+use messages::{Pose, SonarReading, SonarScan};
+use settings::{Horizon, Mapping, Pace};
+use stillmap_mapping::{Input, Mapper, Parameters};
+
+/// Edge of a tile, m.
+const TILE_M: f64 = 1.6;
+
+/// A mapper and the number of the next scan.
+struct Drive {
+    mapper: Mapper,
+    seq: u64,
+}
+
+impl Drive {
+    /// A map of `edge` × `edge` tiles; a scan is integrated for good `horizon_s` after it came.
+    fn new(edge: u32, horizon_s: f64) -> Self {
+        let settings = Mapping { horizon_s: Horizon::try_from(horizon_s).unwrap(), ..Mapping::default() };
+        let mut drive = Self { mapper: Mapper::new(Parameters::new(&settings, Pace::Lockstep).unwrap()), seq: 0 };
+        for place in 0..edge * edge {
+            let pose = Pose { x_m: TILE_M * f64::from(place % edge), y_m: TILE_M * f64::from(place / edge), yaw_rad: 0.7 };
+            drive.scan(pose, 1.0, 1);
+        }
+        drive
+    }
+
+    fn scan(&mut self, pose: Pose, range_m: f64, echo: u32) {
+        self.seq += 1;
+        let scan = SonarScan::new(pose, &[SonarReading { range_m, echo, ..SonarReading::default() }], false);
+        self.mapper.step(Input::Scan { seq: self.seq, stamp_ns: self.seq * 40_000_000, scan: black_box(&scan) }).unwrap();
+    }
+
+    fn turning_scan(&mut self, range_m: f64, echo: u32) {
+        let turn = self.seq as f64 * 0.618_034 % 1.0;
+        self.scan(Pose { x_m: 4.0 + 0.1 * turn, y_m: 4.0 - 0.1 * turn, yaw_rad: turn * TAU }, range_m, echo);
+    }
+}
 
 fn beams(c: &mut Criterion) {
-    let parameters = Parameters::new(&settings::Mapping::default(), settings::Pace::Lockstep).unwrap();
-    for tiles_wide in [1, 100, 400] {
-        let mut lattice = Lattice::new(CellSize::new(parameters.cell_m()).unwrap());
-        for row in 0..tiles_wide {
-            for column in 0..tiles_wide {
-                lattice.set(Cell { row: row * TILE_EDGE as i32, column: column * TILE_EDGE as i32 }, 0.5);
-            }
-        }
+    for edge in [4, 400] {
+        let mut drive = Drive::new(edge, 0.0);
         for (name, range_m, echo) in [("3 m echo", 3.0, 1), ("1 m echo", 1.0, 1), ("no echo", 3.0, 0)] {
-            let mut turn = 0.0;
-            c.bench_function(&format!("{name}, map of {} tiles", tiles_wide * tiles_wide), |bencher| {
-                bencher.iter(|| {
-                    turn = (turn + 0.618_034) % 1.0;
-                    let pose = Pose { x_m: 4.0 + 0.1 * turn, y_m: 4.0 - 0.1 * turn, yaw_rad: turn * TAU };
-                    let reading = SonarReading { range_m, echo, ..SonarReading::default() };
-                    integrate_reading(&mut lattice, &parameters, black_box(&pose), black_box(&reading));
-                });
+            c.bench_function(&format!("{name}, map of {} tiles", edge * edge), |bencher| {
+                bencher.iter(|| drive.turning_scan(range_m, echo))
             });
         }
     }
 }
 
-criterion_group!(benches, beams);
+fn state(c: &mut Criterion) {
+    let mut drive = Drive::new(40, 3.0);
+    (0..75).for_each(|place| drive.turning_scan(0.5 + f64::from(place % 25) * 0.1, 1));
+    c.bench_function("show 75 pending readings", |bencher| bencher.iter(|| drive.mapper.refresh()));
+    c.bench_function("save a map of 1600 tiles", |bencher| bencher.iter(|| drive.mapper.save()));
+}
+
+criterion_group!(benches, beams, state);
 criterion_main!(benches);

@@ -65,7 +65,7 @@ fn look(lattice: &Lattice<f32>, groups: &Groups, extent: Extent) -> Known {
                 let on_arc = group.z.simd_ge(b) & group.z.simd_lt(c);
                 if on_arc.any() {
                     for (cell, theta) in (on_arc & cells).to_array().into_iter().zip(group.theta().to_array()) {
-                        let nearer = cell == highest_arc && theta.abs() < theta_max.abs();
+                        let nearer = cell >= highest_arc && theta.abs() < theta_max.abs();
                         if cell > highest_arc || nearer {
                             (highest_arc, theta_max) = (cell, theta);
                         }
