@@ -42,16 +42,17 @@ impl Answers {
         self.consumers.retain(|state| state.consumer.name != process);
     }
 
-    /// The last message that every consumer has answered, 0 for those that have said nothing; `None` when there is none left.
+    /// The last message that every consumer has answered, where those that have said nothing are taken to have answered
+    /// `assumed`; `None` when there is no consumer left.
     #[must_use]
-    pub fn floor(&self) -> Option<u64> {
-        self.consumers.iter().map(|state| state.answered.unwrap_or_default()).min()
+    pub fn floor(&self, assumed: u64) -> Option<u64> {
+        self.consumers.iter().map(|state| state.answered.unwrap_or(assumed)).min()
     }
 
-    /// A consumer that has not said how far it is.
+    /// Whether a consumer has not said how far it is.
     #[must_use]
-    pub fn silent(&self) -> Option<&str> {
-        self.consumers.iter().find(|state| state.answered.is_none()).map(|state| state.consumer.name.as_str())
+    pub fn lack_one(&self) -> bool {
+        self.consumers.iter().any(|state| state.answered.is_none())
     }
 
     /// Whether nobody will need the stream again, whose last message is `last`.
@@ -73,15 +74,16 @@ mod tests {
     #[test]
     fn the_slowest_counts() {
         let mut answers = answers();
-        assert_eq!((answers.floor(), answers.silent()), (Some(0), Some("recorder")));
+        assert_eq!((answers.floor(0), answers.floor(5), answers.lack_one()), (Some(0), Some(5), true));
         answers.answered("recorder", 0);
+        assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), true));
         answers.answered("mapping", 9);
-        assert_eq!((answers.floor(), answers.silent()), (Some(0), None));
+        assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), false));
         answers.answered("recorder", 7);
         answers.answered("somebody", 1);
-        assert_eq!(answers.floor(), Some(7));
+        assert_eq!(answers.floor(0), Some(7));
         answers.answered("mapping", 3);
-        assert_eq!(answers.floor(), Some(7), "a restart takes nothing back");
+        assert_eq!(answers.floor(0), Some(7), "a restart takes nothing back");
     }
 
     #[test]
@@ -89,9 +91,9 @@ mod tests {
         let mut answers = answers();
         answers.answered("mapping", 9);
         answers.over("recorder");
-        assert_eq!(answers.floor(), Some(9));
+        assert_eq!(answers.floor(0), Some(9));
         answers.over("mapping");
-        assert_eq!(answers.floor(), None);
+        assert_eq!(answers.floor(0), None);
     }
 
     #[test]

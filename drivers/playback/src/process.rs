@@ -8,6 +8,7 @@ use messages::{DeploymentStatus, Payload, ProcessState, Progress, SonarScan};
 use settings::{BuiltIn, Pace, Program, Settings};
 
 use crate::answers::{Answers, Consumer};
+use crate::resume::{Resume, SPARE};
 use crate::schedule::Schedule;
 use crate::window::Window;
 
@@ -40,17 +41,26 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let membership = shell.membership();
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
+    let resume = load(&checkpoint);
+    if restarted {
+        tracing::info!("goes on behind scan {}", resume.begin_behind());
+    }
+    let window = settings.playback.window.get();
     let mut playback = Playback {
         log,
         next: None,
-        position: if restarted { Position::Unknown } else { Position::At },
+        begin_behind: resume.begin_behind(),
+        assumed: resume.reserved,
+        resume,
+        checkpoint,
         scans: shell.writer()?,
         progress: shell.reader()?,
         statuses: shell.reader()?,
         answers: Answers::new(consumers(settings)),
         pacing: match settings.pace {
-            Pace::Live => Pacing::Live { schedule: load(&checkpoint), checkpoint, speed },
-            Pace::Lockstep => Pacing::Lockstep(Window::new(settings.playback.window.get())),
+            Pace::Live => Pacing::Live { speed },
+            Pace::Lockstep if restarted => Pacing::Lockstep { window: Window::new(window.min(SPARE)), size: window },
+            Pace::Lockstep => Pacing::Lockstep { window: Window::new(window), size: window },
         },
         first_ns: None,
         last: (0, 0),
@@ -72,12 +82,13 @@ fn consumers(settings: &Settings) -> impl Iterator<Item = Consumer> {
     })
 }
 
-fn load(checkpoint: &Checkpoint) -> Option<Schedule> {
+/// What an earlier incarnation left.
+fn load(checkpoint: &Checkpoint) -> Resume {
     match checkpoint.load() {
-        Ok(bytes) => bytes.as_deref().and_then(Schedule::from_bytes),
+        Ok(bytes) => bytes.as_deref().and_then(Resume::from_bytes).unwrap_or_default(),
         Err(error) => {
             tracing::warn!("{error}");
-            None
+            Resume::default()
         }
     }
 }
@@ -86,7 +97,12 @@ struct Playback {
     log: Log,
     /// The entry of the log that comes next.
     next: Option<Entry<SonarScan>>,
-    position: Position,
+    /// Nobody lacks this message or one before it.
+    begin_behind: u64,
+    /// What a consumer has answered that has not said so.
+    assumed: u64,
+    resume: Resume,
+    checkpoint: Checkpoint,
     scans: Writer<SonarScan>,
     progress: Reader<Progress>,
     statuses: Reader<DeploymentStatus>,
@@ -100,20 +116,9 @@ struct Playback {
     ended: bool,
 }
 
-/// Where in the log playback stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Position {
-    /// Restarted: the consumers have to say how far they are.
-    Unknown,
-    /// On the way to what follows this message.
-    Behind(u64),
-    /// At the next message to send.
-    At,
-}
-
 enum Pacing {
-    Live { schedule: Option<Schedule>, checkpoint: Checkpoint, speed: f64 },
-    Lockstep(Window),
+    Live { speed: f64 },
+    Lockstep { window: Window, size: u32 },
 }
 
 impl bus::Process for Playback {
@@ -151,17 +156,12 @@ impl Playback {
 
     /// Sends what may be sent now.
     fn play(&mut self, context: &Context<'_>) -> Result<Next, StepError> {
-        if self.position == Position::Unknown {
-            if self.answers.silent().is_some() {
-                return Ok(Next::Wait);
+        if let Pacing::Lockstep { window, size } = &mut self.pacing {
+            if !self.answers.lack_one() {
+                window.resize(*size);
             }
-            let answered = self.answers.floor().unwrap_or_default();
-            tracing::info!("goes on after scan {answered}");
-            self.position = Position::Behind(answered);
-        }
-        if let (Pacing::Lockstep(window), floor) = (&mut self.pacing, self.answers.floor()) {
             // Without a consumer there is nobody to wait for.
-            window.answered(floor.unwrap_or(u64::MAX));
+            window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
         }
         for _ in 0..MOST_AT_ONCE {
             if self.ended {
@@ -176,20 +176,22 @@ impl Playback {
             };
             let (seq, stamp_ns) = (*seq, *stamp_ns);
             self.first_ns.get_or_insert(stamp_ns);
-            if let Position::Behind(answered) = self.position
-                && seq <= answered
-            {
-                self.last = (seq, stamp_ns);
-                self.next = None;
-                continue;
+            if seq > self.begin_behind {
+                let (schedule, is_new) = match self.resume.schedule {
+                    Some(schedule) => (schedule, false),
+                    None => (Schedule::new(context.now_ns(), stamp_ns), true),
+                };
+                if let Some(wait) = self.pacing.hold_back(schedule, context.now_ns(), stamp_ns) {
+                    return Ok(wait);
+                }
+                self.resume.schedule = Some(schedule);
+                if self.resume.reserve(seq) | is_new {
+                    self.checkpoint.save(&self.resume.to_bytes())?;
+                }
+                self.scans.send(seq, stamp_ns, payload)?;
+                self.pacing.sent(seq);
+                self.sent += 1;
             }
-            self.position = Position::At;
-            if let Some(wait) = self.pacing.hold_back(context.now_ns(), stamp_ns)? {
-                return Ok(wait);
-            }
-            self.scans.send(seq, stamp_ns, payload)?;
-            self.pacing.sent(seq);
-            self.sent += 1;
             self.last = (seq, stamp_ns);
             self.next = None;
         }
@@ -208,42 +210,26 @@ impl Playback {
         let (read, bytes) = self.log.position();
         let played_s = self.last.1.saturating_sub(self.first_ns.unwrap_or(self.last.1)) as f64 * 1e-9;
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
-        let note = match (self.position, self.answers.silent()) {
-            (Position::Unknown, Some(silent)) => format!("waits until {silent} says how far it is"),
-            _ if self.ended => format!("{played_s:.1} s of the log, to its end"),
-            _ => format!("{played_s:.1} s of the log, {percent:.0} % of it read"),
-        };
-        context.note(&note);
+        context.note(&format!("{played_s:.1} s of the log, {percent:.0} % of it read"));
         context.count("scans played", self.sent);
     }
 }
 
 impl Pacing {
     /// How long the message with this stamp has to wait; `None` when it may be sent.
-    fn hold_back(&mut self, now_ns: u64, stamp_ns: u64) -> Result<Option<Next>, StepError> {
+    fn hold_back(&self, schedule: Schedule, now_ns: u64, stamp_ns: u64) -> Option<Next> {
         match self {
-            Self::Lockstep(window) => Ok((!window.has_room()).then_some(Next::Wait)),
-            Self::Live { schedule, checkpoint, speed } => {
-                let schedule = match schedule {
-                    Some(schedule) => *schedule,
-                    None => {
-                        let new = Schedule::new(now_ns, stamp_ns);
-                        checkpoint.save(&new.to_bytes())?;
-                        *schedule.insert(new)
-                    }
-                };
+            Self::Lockstep { window, .. } => (!window.has_room()).then_some(Next::Wait),
+            Self::Live { speed } => {
                 let due_in_ns = schedule.due_in_ns(now_ns, stamp_ns);
-                if due_in_ns == 0 {
-                    return Ok(None);
-                }
-                let wall = Duration::from_nanos((due_in_ns as f64 / *speed) as u64);
-                Ok(Some(Next::WaitAtMost(wall.max(SHORTEST_WAIT))))
+                let wall = Duration::from_nanos((due_in_ns as f64 / speed) as u64);
+                (due_in_ns > 0).then(|| Next::WaitAtMost(wall.max(SHORTEST_WAIT)))
             }
         }
     }
 
     fn sent(&mut self, seq: u64) {
-        if let Self::Lockstep(window) = self {
+        if let Self::Lockstep { window, .. } = self {
             window.sent(seq);
         }
     }

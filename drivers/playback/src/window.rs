@@ -10,6 +10,8 @@ pub struct Window {
     size: usize,
     /// Messages on the way, oldest first; numbers may be missing in a log.
     outstanding: VecDeque<u64>,
+    /// The last message that every consumer has answered.
+    floor: u64,
     open: bool,
 }
 
@@ -17,11 +19,18 @@ impl Window {
     /// A window of `size` messages, at least 1.
     #[must_use]
     pub fn new(size: u32) -> Self {
-        Self { size: (size as usize).max(1), outstanding: VecDeque::new(), open: true }
+        Self { size: (size as usize).max(1), outstanding: VecDeque::new(), floor: 0, open: true }
+    }
+
+    /// From now on so many messages may be on the way, at least 1.
+    pub fn resize(&mut self, size: u32) {
+        self.size = (size as usize).max(1);
+        self.answered(self.floor);
     }
 
     /// Every consumer has answered all messages up to `floor`.
     pub fn answered(&mut self, floor: u64) {
+        self.floor = floor;
         while self.outstanding.front().is_some_and(|seq| *seq <= floor) {
             self.outstanding.pop_front();
         }
@@ -36,9 +45,11 @@ impl Window {
         self.open && self.outstanding.len() < self.size
     }
 
-    /// A message was sent.
+    /// A message was sent; one that is sent again though every consumer has answered it takes no place.
     pub fn sent(&mut self, seq: u64) {
-        self.outstanding.push_back(seq);
+        if seq > self.floor {
+            self.outstanding.push_back(seq);
+        }
         if self.outstanding.len() >= self.size {
             self.open = false;
         }
@@ -79,6 +90,18 @@ mod tests {
             assert!(!window.has_room());
             window.answered(seq);
         }
+    }
+
+    #[test]
+    fn what_is_sent_again_takes_no_place() {
+        let mut window = Window::new(2);
+        window.answered(10);
+        (5..=11).for_each(|seq| window.sent(seq));
+        assert!(window.has_room());
+        window.sent(12);
+        assert!(!window.has_room());
+        window.resize(4);
+        assert!(window.has_room());
     }
 
     proptest! {
