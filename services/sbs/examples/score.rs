@@ -70,7 +70,7 @@ fn set(s: &mut Settings, key: &str, value: f32) -> Result<()> {
         "mu" => s.local.mu = value,
         "reach_px" => s.local.reach_px = value,
         "model_share" => s.local.model_share = value,
-        "scale" => s.local.scales = s.local.scales.map(|x| x * value),
+        "scale" => s.local.scale = value,
         "k" => s.background.k = value,
         "sigma_min" => s.background.sigma_min = value,
         "sigma_max" => s.background.sigma_max = value,
