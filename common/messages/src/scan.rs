@@ -92,7 +92,7 @@ impl Payload for SonarScan {
             within("readings.mount.x_m", reading.mount.x_m, -10.0, 10.0, "within 10 m of the robot")?;
             within("readings.mount.y_m", reading.mount.y_m, -10.0, 10.0, "within 10 m of the robot")?;
             within("readings.mount.yaw_rad", reading.mount.yaw_rad, -10.0, 10.0, "an angle")?;
-            within("readings.range_m", reading.range_m, 0.0, 100.0, "0 to 100 m")?;
+            within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m: no sonar of a mobile robot hears farther")?;
             at_most("readings.sonar", reading.sonar, 255, "at most 255")?;
             at_most("readings.echo", reading.echo, 1, "0 or 1")?;
         }

@@ -13,7 +13,7 @@ pub(crate) const SPARE: u32 = 64;
 /// How far playback may have come, kept for its next incarnation.
 ///
 /// A dead sender takes the history of its stream with it, and a consumer that dies next goes on from a checkpoint that lies
-/// further back than what it has answered. So a restarted playback sends again what the history held, less [`SPARE`]; what a
+/// further back than what it has answered. So a restarted playback sends again what the history held, less `SPARE`; what a
 /// consumer has had, its reader drops. That history covers the window of lockstep, a consumer's checkpoint interval and this
 /// note's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
