@@ -9,7 +9,7 @@ use crate::samples::{Sample, strongest};
 use crate::transform::{Class, Transform};
 
 /// Most Gauss–Newton steps on each level, finest first.
-const STEPS: [usize; LEVELS] = [2, 3, 5];
+const STEPS: [usize; LEVELS] = [1, 3, 5];
 /// A step that moves the level's corners by less, px, is the last.
 const STEP_MIN_PX: f64 = 0.02;
 
