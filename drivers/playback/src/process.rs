@@ -212,6 +212,8 @@ impl Playback {
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
         context.note(&format!("{played_s:.1} s of the log, {percent:.0} % of it read"));
         context.count("scans played", self.sent);
+        context.count("done", read);
+        context.count("total", bytes);
     }
 }
 

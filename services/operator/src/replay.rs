@@ -3,14 +3,16 @@
 use crate::cli::{Pace, RunOptions};
 use crate::demo::unique_name;
 use crate::drive::{drive, place_output};
-use drivelog::Log;
+use crate::exit::BadInput;
+use drivelog::{Entry, Log};
 use indicatif::MultiProgress;
+use messages::SonarScan;
 use settings::{BuiltIn, Process, Program, Settings};
 use std::path::{Path, PathBuf};
 
 /// Makes the map again from a log; the exit code.
 pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
-    let recorded = Log::open(log)?.preamble().settings.clone();
+    let recorded = read_settings(log)?;
     let recorded = Settings::parse(&format!("{}: its settings", log.display()), &recorded)?;
     let mut settings = deployment(recorded, std::path::absolute(log)?, pace)?;
     place_output(&mut settings, options)?;
@@ -20,6 +22,15 @@ pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiP
     };
     tracing::info!("replaying {} {how}", log.display());
     drive(&settings, options.speed.unwrap_or(1.0), bars)
+}
+
+/// The settings that a log was made with, if there is something in it to replay.
+fn read_settings(path: &Path) -> anyhow::Result<String> {
+    let mut log = Log::open(path)?;
+    match log.next_of::<SonarScan>()? {
+        Some(Entry::Message { .. }) => Ok(log.preamble().settings.clone()),
+        Some(Entry::End { .. }) | None => Err(BadInput(format!("{}: holds no scan to replay", path.display())).into()),
+    }
 }
 
 /// The recorded deployment with playback in place of what brought the world in. Nothing is recorded again.
