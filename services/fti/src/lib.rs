@@ -1,1 +1,38 @@
-//! Fuzzy-tuned integration (FTI): which readings a moving thing caused.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+//! Fuzzy-tuned integration (FTI, paper section 6): which readings a moving thing caused.
+//!
+//! What the sonars and the camera see moving is brought together three ways:
+//!
+//! - *pairs*: a moving class and a blob that correspond (eq. 11) give an update region through Tables 3 to 5 and eq. 1;
+//! - *tracks*: each walker is followed in the map frame by blobs, echoes and movers;
+//! - *evidence*: for each cell, how often something was found there and how often nothing.
+//!
+//! Each reading gets its verdict at the commit horizon, with everything seen until then: by the likelihood ratio of a walker
+//! against something that stands there, or by the paper's own rule. Without a camera the tracks come from the sonars alone,
+//! and the verdict says so.
+//!
+//! The service is a fold: [`Fti::step`] takes the inputs in any order of arrival and works in the order of sensor time.
+
+mod hearing;
+mod observe;
+mod parameters;
+mod pending;
+mod raw;
+mod region;
+mod sight;
+mod smoothed;
+mod state;
+mod step;
+mod still;
+mod streams;
+mod tables;
+mod track;
+mod tracks;
+mod verdict;
+
+pub use parameters::{Action, Camera, Cue, Parameters, ParametersError, Patience, Rule};
+pub use state::StateError;
+pub use step::{Fti, Grounds, Verdict};
+pub use streams::Input;
+pub use tables::{Magnitude, Side, Tables};

@@ -1,0 +1,138 @@
+//! What echoes and movers say of the walkers.
+
+use beam::Beam;
+use messages::{Mover, Pose};
+use nalgebra::{Matrix2, Vector2};
+use tracking::Motion;
+
+use crate::Parameters;
+use crate::observe::ECHO_GATE;
+use crate::track::{Origin, Track};
+use crate::tracks::{MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_view};
+
+/// S from which on an echo is a known wall's.
+const KNOWN_WALL: f64 = 1.5;
+/// A slower walker may stand before a wall, m/s.
+const SLOW_M_S: f64 = 0.35;
+/// Who stands ends this long after the last echo, ns.
+const HELD_NS: u64 = 1_500_000_000;
+/// Or when this many readings
+const PASSES: u32 = 2;
+/// A track out of view coasts for this time, ns.
+const COAST_NS: u64 = 2_500_000_000;
+/// Two who stand closer than this are one, m.
+const SAME_M: f64 = 0.4;
+
+/// An echo of a scan, as tracks need it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Heard<'a> {
+    pub(crate) beam: &'a Beam,
+    /// S from the past alone.
+    pub(crate) past: f64,
+}
+
+impl Tracks {
+    /// The echoes and movers of a scan.
+    pub(crate) fn hear(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, echoes: &[Heard<'_>], movers: &[Mover]) {
+        self.alive().for_each(|track| track.predict(stamp_ns));
+        let mut claimed = vec![false; echoes.len()];
+        for (echo, claimed) in echoes.iter().zip(&mut claimed).filter(|(echo, _)| echo.beam.echo()) {
+            *claimed = self.support_by_echo(echo, stamp_ns);
+        }
+        for echo in echoes {
+            for track in self.alive().filter(|track| track.held) {
+                track.note_passing(echo.beam, stamp_ns);
+            }
+        }
+        for mover in movers {
+            let known = echoes.iter().zip(&claimed).enumerate().any(|(index, (_, claimed))| *claimed && mover.readings & (1 << index) != 0);
+            if !known {
+                self.support_or_start_by_mover(parameters, map_from_robot, stamp_ns, mover);
+            }
+        }
+        self.note_standers(stamp_ns);
+        self.end_silent(stamp_ns);
+    }
+
+    /// Gives an echo to the walker who explains it best and to whoever stands there; whether there is one.
+    fn support_by_echo(&mut self, echo: &Heard<'_>, stamp_ns: u64) -> bool {
+        let known_wall = echo.past > KNOWN_WALL;
+        let mut standing = false;
+        for track in self.alive().filter(|track| track.held && !known_wall) {
+            if track.stands_at(echo.beam) {
+                track.support_by_echo(echo.beam, stamp_ns);
+                standing = true;
+            }
+        }
+        let walking = self.alive().filter(|track| !track.held && (track.confirmed() || track.origin == Origin::Sonar));
+        let near = walking.filter_map(|track| {
+            let deviation = track.echo_deviation(echo.beam)?.abs();
+            let plausible = !known_wall || track.walked && track.motion.velocity_m_s().norm() < SLOW_M_S;
+            (deviation < ECHO_GATE && plausible).then_some((deviation, track))
+        });
+        match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            Some((_, track)) => {
+                track.support_by_echo(echo.beam, stamp_ns);
+                true
+            }
+            None => standing,
+        }
+    }
+
+    /// Where a walker who was heard comes to rest, somebody stands: he may fade from the picture, and others may pass him.
+    fn note_standers(&mut self, stamp_ns: u64) {
+        let resting: Vec<usize> = (0..self.tracks.len())
+            .filter(|index| {
+                let Some(track) = self.tracks.get(*index) else { return false };
+                let rests = track.ended_ns.is_none()
+                    && !track.held
+                    && track.confirmed()
+                    && track.walked
+                    && track.heard_ns == stamp_ns
+                    && track.rests();
+                let known = |other: &Track| {
+                    other.held && other.ended_ns.is_none() && (other.motion.place_m() - track.motion.place_m()).norm() < SAME_M
+                };
+                rests && !self.tracks.iter().any(known)
+            })
+            .collect();
+        for index in resting {
+            if self.tracks.len() < MAX_TRACKS
+                && let Some(track) = self.tracks.get(index)
+            {
+                self.given += 1;
+                let stander = track.stander(self.given);
+                self.tracks.push(stander);
+            }
+        }
+    }
+
+    /// A mover that only STD sees, where the camera does not look.
+    fn support_or_start_by_mover(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, mover: &Mover) {
+        let place = Vector2::new(mover.map_x_m, mover.map_y_m);
+        let motion = Motion::at(place, Matrix2::identity() * 0.0625, SPEED_SD_M_S);
+        let watched = parameters.camera.is_some_and(|camera| {
+            let fresh = self.frame_ns != 0 && stamp_ns.saturating_sub(self.frame_ns) < UNSEEN_NS;
+            fresh && in_view(&camera, &map_from_robot.then(&camera.mount), &motion)
+        });
+        if !watched {
+            self.start(Origin::Sonar, motion, stamp_ns);
+        }
+    }
+
+    fn end_silent(&mut self, stamp_ns: u64) {
+        for track in self.alive() {
+            let silent_ns = stamp_ns.saturating_sub(track.supported_ns());
+            let over = if track.held {
+                track.passed >= PASSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
+            } else if track.origin == Origin::Sonar {
+                silent_ns > UNSEEN_NS
+            } else {
+                silent_ns > COAST_NS
+            };
+            if over {
+                track.ended_ns = Some(track.supported_ns());
+            }
+        }
+    }
+}

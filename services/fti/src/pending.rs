@@ -1,0 +1,48 @@
+//! Scans whose readings wait for their verdict.
+
+use beam::Beam;
+use grid::Cell;
+use serde::{Deserialize, Serialize};
+
+use crate::region::Region;
+
+/// One reading within the horizon.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PendingReading {
+    pub(crate) beam: Beam,
+    /// Cells of its arc, row and column.
+    #[serde(with = "cells")]
+    pub(crate) arc: Vec<Cell>,
+    /// S by the past alone, when it came.
+    pub(crate) past: f64,
+    /// Whether the camera looked at where it came from.
+    pub(crate) watched: bool,
+}
+
+/// One scan within the horizon.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PendingScan {
+    pub(crate) seq: u64,
+    pub(crate) stamp_ns: u64,
+    /// The robot, x and y in the map frame, m.
+    pub(crate) robot_m: [f64; 2],
+    pub(crate) readings: Vec<PendingReading>,
+    /// Update regions of its corresponding pairs.
+    pub(crate) regions: Vec<Region>,
+    /// The inputs that came for it, as in `FilterVerdict`.
+    pub(crate) inputs: u32,
+}
+
+mod cells {
+    use grid::Cell;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(cells: &[Cell], serializer: S) -> Result<S::Ok, S::Error> {
+        cells.iter().map(|cell| (cell.row, cell.column)).collect::<Vec<_>>().serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Cell>, D::Error> {
+        let cells = Vec::<(i32, i32)>::deserialize(deserializer)?;
+        Ok(cells.into_iter().map(|(row, column)| Cell { row, column }).collect())
+    }
+}

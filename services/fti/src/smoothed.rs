@@ -1,0 +1,114 @@
+//! Where a walker was, with everything known until now.
+
+use tracking::Motion;
+
+use crate::track::{ACCELERATION, Origin, Track};
+
+/// A blob or an echo speaks for this long, s; then confidence fades.
+const FRESH_S: f64 = 0.3;
+/// Time in which it fades by a factor e, s.
+const FADE_S: f64 = 1.5;
+/// Who stands on without being seen.
+const HELD: f64 = 0.8;
+/// Before the first sight.
+const BACK_DATED: f64 = 0.6;
+/// First speed under which a walker is taken to have stood before, m/s.
+const STOOD_M_S: f64 = 0.6;
+/// For how long he is taken to have stood, s.
+const STOOD_S: f64 = 2.5;
+/// For how long one who walks is taken to have come the way he goes, s.
+const CAME_S: f64 = 0.6;
+
+/// A walker over the horizon.
+#[derive(Debug, Clone)]
+pub(crate) struct Smoothed {
+    /// At each support, the oldest first; the acceleration until the next.
+    moments: Vec<(u64, Motion, f64)>,
+    /// Part of its trust that does not change.
+    trust: f64,
+    held: bool,
+    /// Its first moment is its first support.
+    whole: bool,
+    ended_ns: Option<u64>,
+}
+
+/// Where a walker was at one time, and how sure that is, 0 to 1 (π).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Presence {
+    pub(crate) motion: Motion,
+    pub(crate) trust: f64,
+}
+
+impl Smoothed {
+    /// Rauch, Tung and Striebel over what the track believed.
+    pub(crate) fn of(track: &Track) -> Option<Self> {
+        let trust = match (track.origin, track.confirmed()) {
+            (_, true) => 1.0,
+            (Origin::Sonar, false) => 0.3 + 0.1 * f64::from(track.hits),
+            (Origin::Camera, false) => return None,
+        };
+        let mut moments: Vec<(u64, Motion, f64)> = track.history.iter().map(|b| (b.stamp_ns, b.motion, b.acceleration)).collect();
+        for index in (0..moments.len().saturating_sub(1)).rev() {
+            let (later_ns, later, _) = moments[index + 1];
+            let (stamp_ns, motion, acceleration) = moments[index];
+            moments[index].1 = motion.smoothed(&later, seconds(stamp_ns, later_ns), acceleration);
+        }
+        Some(Self { moments, trust, held: track.held, whole: !track.older, ended_ns: track.ended_ns })
+    }
+
+    /// The walker at a time; `None` when there is nothing to say about it.
+    pub(crate) fn at(&self, stamp_ns: u64) -> Option<Presence> {
+        let after = self.moments.partition_point(|(moment_ns, ..)| *moment_ns <= stamp_ns);
+        let Some((before_ns, motion, acceleration)) = after.checked_sub(1).and_then(|before| self.moments.get(before)) else {
+            return self.before_first(stamp_ns);
+        };
+        let since_s = seconds(*before_ns, stamp_ns);
+        match self.moments.get(after) {
+            Some((after_ns, later, _)) => {
+                // Between two supports: predicted from the one, smoothed by the other.
+                let until_s = seconds(stamp_ns, *after_ns);
+                let share = since_s / (since_s + until_s).max(1e-9);
+                let mean = motion.predict(since_s, 0.0).mean * (1.0 - share) + later.predict(-until_s, 0.0).mean * share;
+                let covariance = motion.covariance * (1.0 - share) + later.covariance * share;
+                let bridge = Motion { mean, covariance };
+                let gap_s = since_s.min(until_s);
+                Some(Presence { motion: widened(&bridge, gap_s, *acceleration), trust: self.trust * faded(gap_s) })
+            }
+            None => {
+                if self.ended_ns.is_some_and(|ended_ns| stamp_ns > ended_ns) {
+                    return None;
+                }
+                let trust = self.trust * if self.held { HELD } else { faded(since_s) };
+                Some(Presence { motion: motion.predict(since_s, *acceleration), trust })
+            }
+        }
+    }
+
+    /// Back-dated: a walker was somewhere before he was first seen.
+    fn before_first(&self, stamp_ns: u64) -> Option<Presence> {
+        let (first_ns, first, _) = self.moments.first().filter(|_| self.whole)?;
+        let until_s = seconds(stamp_ns, *first_ns);
+        let stood = first.velocity_m_s().norm() < STOOD_M_S;
+        if until_s > if stood { STOOD_S } else { CAME_S } {
+            return None;
+        }
+        let motion = if stood { *first } else { first.predict(-until_s, ACCELERATION) };
+        Some(Presence { motion, trust: self.trust * BACK_DATED * faded(until_s) })
+    }
+}
+
+fn widened(motion: &Motion, gap_s: f64, acceleration: f64) -> Motion {
+    let mut wider = *motion;
+    for axis in 0..2 {
+        wider.covariance[(axis, axis)] += acceleration * gap_s.powi(3) / 3.0;
+    }
+    wider
+}
+
+fn faded(gap_s: f64) -> f64 {
+    (-(gap_s - FRESH_S).max(0.0) / FADE_S).exp()
+}
+
+fn seconds(from_ns: u64, to_ns: u64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+}

@@ -1,0 +1,96 @@
+//! The whole state as bytes, so that a restarted process goes on where it stopped.
+
+use std::collections::VecDeque;
+
+use grid::{Lattice, TILE_CELLS, TileKey};
+use messages::Pose;
+use serde::{Deserialize, Serialize};
+
+use crate::pending::PendingScan;
+use crate::still::{Evidence, Still};
+use crate::streams::Streams;
+use crate::tracks::Tracks;
+use crate::{Fti, Parameters, ParametersError};
+
+/// Changes whenever the bytes mean something else.
+const VERSION: u32 = 1;
+
+/// Bytes that are no state of this version.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StateError {
+    /// Written by another version.
+    #[error("the state has version {found}, expected {VERSION}")]
+    Version {
+        /// Its version.
+        found: u32,
+    },
+    /// Cut off, or not a state at all.
+    #[error("the state cannot be read: {0}")]
+    Damaged(#[from] postcard::Error),
+    /// A tile with too few or too many cells.
+    #[error("a tile of the state has {found} cells, expected {TILE_CELLS}")]
+    Tile {
+        /// Its cells.
+        found: usize,
+    },
+    /// The parameters it is to go on with.
+    #[error(transparent)]
+    Parameters(#[from] ParametersError),
+}
+
+/// Hits, sights of emptiness and the slots of the last of each.
+type Packed = (u8, u8, u16, u16);
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    streams: Streams,
+    tracks: Tracks,
+    /// Row, column and cells of each tile.
+    still: Vec<(i32, i32, Vec<Packed>)>,
+    pending: VecDeque<PendingScan>,
+    /// Time, x, y and yaw.
+    last: Option<(u64, f64, f64, f64)>,
+}
+
+impl Fti {
+    /// The whole state.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let pack = |e: &Evidence| (e.hits, e.free, e.hit_slot, e.free_slot);
+        let state = State {
+            streams: self.streams.clone(),
+            tracks: self.tracks.clone(),
+            still: self.still.cells().tiles().map(|(key, cells)| (key.row, key.column, cells.iter().map(pack).collect())).collect(),
+            pending: self.pending.clone(),
+            last: self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad)),
+        };
+        // Writing numbers and lists into memory has no way to fail.
+        postcard::to_allocvec(&(VERSION, state)).unwrap_or_default()
+    }
+
+    /// A service that goes on from a state.
+    ///
+    /// # Errors
+    /// Bytes of another version or damaged ones; parameters that cannot be meant.
+    pub fn from_bytes(parameters: Parameters, bytes: &[u8]) -> Result<Self, StateError> {
+        let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
+        if found != VERSION {
+            return Err(StateError::Version { found });
+        }
+        let state: State = postcard::from_bytes(rest)?;
+        let mut fti = Self::new(parameters)?;
+        let mut cells = Lattice::new(fti.cell);
+        for (row, column, packed) in state.still {
+            let unpack = |(hits, free, hit_slot, free_slot)| Evidence { hits, free, hit_slot, free_slot };
+            let tile: Vec<Evidence> = packed.into_iter().map(unpack).collect();
+            let tile = tile.try_into().map_err(|tile: Vec<Evidence>| StateError::Tile { found: tile.len() })?;
+            cells.set_tile(TileKey { row, column }, &tile);
+        }
+        fti.streams = state.streams;
+        fti.tracks = state.tracks;
+        fti.still = Still::new(cells);
+        fti.pending = state.pending;
+        fti.last = state.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
+        Ok(fti)
+    }
+}

@@ -1,0 +1,280 @@
+//! The algorithm of section 6, scan by scan.
+
+use std::collections::VecDeque;
+
+use beam::Beam;
+use grid::{CellSize, Lattice};
+use messages::{FilterVerdict, MAX_REGIONS, Payload, Pose, SonarScan};
+use nalgebra::{Matrix2, Vector2};
+use tracking::Motion;
+
+use crate::hearing::Heard;
+use crate::pending::{PendingReading, PendingScan};
+use crate::region::update_regions;
+use crate::sight::View;
+use crate::smoothed::Smoothed;
+use crate::still::Still;
+use crate::streams::{Frame, Input, Streams, Waiting};
+use crate::tables::{Integration, Ranges, Seen};
+use crate::tracks::{Tracks, in_view};
+use crate::verdict::{presences, still, walker, weight};
+use crate::{Action, Camera, Parameters, ParametersError, Rule};
+
+/// Radius of the floor that the robot itself takes, m.
+const ROBOT_RADIUS_M: f64 = 0.2;
+/// Half the depth of an arc, cells.
+const ARC_CELLS: f64 = 1.0;
+/// Blobs this far from a scan are of its time, ns.
+const PAIRING_NS: u64 = 150_000_000;
+/// `C_Size` and `O_Size` run up to this many cells.
+const MOST_CELLS: f64 = 100.0;
+/// `B_Size` runs up to this share of the picture: 4800 px of 160 × 120.
+const MOST_PIXELS_SHARE: f64 = 0.25;
+/// Size of the paper's picture, px.
+const PAPER_PIXELS: f64 = 160.0 * 120.0;
+
+/// The verdict on one scan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verdict {
+    /// The scan's number.
+    pub seq: u64,
+    /// The scan's time.
+    pub stamp_ns: u64,
+    /// What is to be done with its readings.
+    pub verdict: FilterVerdict,
+    /// Why, for each reading in order.
+    pub grounds: Vec<Grounds>,
+}
+
+/// The two sides of the likelihood ratio.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grounds {
+    /// T: a walker was there.
+    pub walker: f64,
+    /// S: something stands there.
+    pub still: f64,
+}
+
+/// Fuzzy-tuned integration over the streams of scans, sonar motion and camera motion.
+#[derive(Debug, Clone)]
+pub struct Fti {
+    pub(crate) parameters: Parameters,
+    pub(crate) cell: CellSize,
+    pub(crate) integration: Integration,
+    pub(crate) streams: Streams,
+    pub(crate) tracks: Tracks,
+    pub(crate) still: Still,
+    pub(crate) pending: VecDeque<PendingScan>,
+    /// Time and place of the robot at the last scan.
+    pub(crate) last: Option<(u64, Pose)>,
+}
+
+impl Fti {
+    /// Before the first input.
+    ///
+    /// # Errors
+    /// Parameters that cannot be meant.
+    pub fn new(parameters: Parameters) -> Result<Self, ParametersError> {
+        let cell = parameters.check()?;
+        let width_m = parameters.cone_width_m();
+        let ranges = Ranges { forward_m: parameters.range_limit_m, width_m, cells: MOST_CELLS, pixels: MOST_PIXELS_SHARE * PAPER_PIXELS };
+        let no_cone = ParametersError::OutOfRange { name: "the width of the sonar cone", found: width_m, expected: "a positive number" };
+        Ok(Self {
+            integration: Integration::new(&parameters.tables, &ranges).ok_or(no_cone)?,
+            cell,
+            streams: Streams::default(),
+            tracks: Tracks::default(),
+            still: Still::new(Lattice::new(cell)),
+            pending: VecDeque::new(),
+            last: None,
+            parameters,
+        })
+    }
+
+    /// Takes one input; the verdicts that have become due, in the order of the scans.
+    pub fn step(&mut self, input: Input<'_>) -> Vec<Verdict> {
+        self.streams.take_in(input);
+        let mut verdicts = Vec::new();
+        while let Some((scan, frames)) = self.streams.next(self.parameters.patience, self.parameters.camera.is_some()) {
+            self.integrate(&scan, &frames, &mut verdicts);
+        }
+        if self.streams.ended() {
+            self.decide_until(u64::MAX, &mut verdicts);
+        }
+        verdicts
+    }
+
+    /// The certain walkers at the last scan, x and y in the map frame, m.
+    #[must_use]
+    pub fn walkers_m(&self) -> Vec<[f64; 2]> {
+        let certain = self.tracks.tracks.iter().filter(|track| track.ended_ns.is_none() && track.confirmed());
+        certain.map(|track| track.motion.place_m().into()).collect()
+    }
+
+    /// One scan and the frames since the last one, in the order of the paper: motion by both senses, correspondence, update
+    /// regions; then the verdicts that are due.
+    fn integrate(&mut self, scan: &Waiting, frames: &[Frame], verdicts: &mut Vec<Verdict>) {
+        let pose = scan.scan.pose;
+        self.follow_by_camera(scan, frames);
+        let readings = self.readings(&scan.scan, scan.stamp_ns);
+        self.follow_by_sonar(scan, &readings);
+        let blobs = self.blobs(frames, scan.stamp_ns);
+        let regions = update_regions(&self.integration, &pose, scan.motion.movers(), &blobs, self.parameters.correspond_m);
+        self.still.stand(pose.x_m, pose.y_m, ROBOT_RADIUS_M, scan.stamp_ns);
+        let inputs = self.inputs(scan);
+        self.pending.push_back(PendingScan {
+            seq: scan.seq,
+            stamp_ns: scan.stamp_ns,
+            robot_m: [pose.x_m, pose.y_m],
+            readings,
+            regions,
+            inputs,
+        });
+        self.last = Some((scan.stamp_ns, pose));
+        self.decide_until(scan.stamp_ns.saturating_sub(self.horizon_ns()), verdicts);
+        self.tracks.forget(scan.stamp_ns.saturating_sub(2 * self.horizon_ns()));
+    }
+
+    fn horizon_ns(&self) -> u64 {
+        (self.parameters.horizon_s * 1e9) as u64
+    }
+
+    fn follow_by_camera(&mut self, scan: &Waiting, frames: &[Frame]) {
+        let Some(camera) = self.parameters.camera else { return };
+        for frame in frames.iter().filter(|frame| frame.motion.validate().is_ok()) {
+            let pose = self.robot_at(frame.stamp_ns, scan);
+            self.tracks.see(&camera, &pose, frame.stamp_ns, &frame.motion);
+        }
+    }
+
+    /// The robot between the last scan and this one.
+    fn robot_at(&self, stamp_ns: u64, scan: &Waiting) -> Pose {
+        let Some((last_ns, last)) = self.last else { return scan.scan.pose };
+        let whole_ns = scan.stamp_ns.saturating_sub(last_ns).max(1);
+        let share = (stamp_ns.saturating_sub(last_ns) as f64 / whole_ns as f64).clamp(0.0, 1.0);
+        let between = |from: f64, to: f64| from + share * (to - from);
+        let now = scan.scan.pose;
+        let turned = now.yaw_rad - last.yaw_rad;
+        let turned = turned.sin().atan2(turned.cos());
+        Pose { x_m: between(last.x_m, now.x_m), y_m: between(last.y_m, now.y_m), yaw_rad: last.yaw_rad + share * turned }
+    }
+
+    /// The readings of a scan; none where its numbers cannot be meant.
+    fn readings(&self, scan: &SonarScan, stamp_ns: u64) -> Vec<PendingReading> {
+        if scan.validate().is_err() {
+            return Vec::new();
+        }
+        let readings = scan.readings().iter().map(|reading| {
+            let beam = Beam::new(&scan.pose, reading, self.parameters.half_beam_rad);
+            let arc = beam.arc(self.cell, ARC_CELLS * self.cell.metres());
+            PendingReading { past: self.still.past(&arc).max(-3.0), watched: self.watched(scan, &beam, stamp_ns), beam, arc }
+        });
+        readings.collect()
+    }
+
+    /// Whether the camera, if it is at work, looks at where an echo came from.
+    fn watched(&self, scan: &SonarScan, beam: &Beam, stamp_ns: u64) -> bool {
+        let at_work = self.tracks.frame_ns != 0 && stamp_ns.saturating_sub(self.tracks.frame_ns) < 500_000_000;
+        let Some(camera) = self.parameters.camera.filter(|_| at_work) else { return false };
+        let [x, y] = beam.origin_m();
+        let [cos, sin] = beam.axis();
+        let place = Vector2::new(x + cos * beam.range_m(), y + sin * beam.range_m());
+        in_view(&camera, &scan.pose.then(&camera.mount), &Motion::at(place, Matrix2::identity(), 0.0))
+    }
+
+    fn follow_by_sonar(&mut self, scan: &Waiting, readings: &[PendingReading]) {
+        let echoes: Vec<Heard<'_>> = readings.iter().map(|reading| Heard { beam: &reading.beam, past: reading.past }).collect();
+        let motion = if scan.motion.validate().is_ok() { scan.motion.movers() } else { &[] };
+        self.tracks.hear(&self.parameters, &scan.scan.pose, scan.stamp_ns, &echoes, motion);
+    }
+
+    /// B of the frame that belongs to a scan, in the robot frame.
+    fn blobs(&self, frames: &[Frame], stamp_ns: u64) -> Vec<Seen> {
+        let Some(camera) = self.parameters.camera else { return Vec::new() };
+        let newest =
+            frames.iter().rev().find(|frame| stamp_ns.saturating_sub(frame.stamp_ns) <= PAIRING_NS && frame.motion.validate().is_ok());
+        let Some(frame) = newest else { return Vec::new() };
+        let Some(view) = View::new(&camera, &frame.motion) else { return Vec::new() };
+        let seen = frame.motion.blobs().iter().filter_map(|blob| view.b(self.parameters.cue, blob, &self.parameters));
+        seen.map(|b| in_robot_frame(&camera, &b, &frame.motion)).collect()
+    }
+
+    fn inputs(&self, scan: &Waiting) -> u32 {
+        let camera = self.tracks.frame_ns != 0 && scan.stamp_ns.saturating_sub(self.tracks.frame_ns) < 500_000_000;
+        (if scan.answered { FilterVerdict::FROM_SONAR } else { 0 }) | (if camera { FilterVerdict::FROM_CAMERA } else { 0 })
+    }
+
+    /// Gives the verdicts on the scans up to a time, with everything known now.
+    fn decide_until(&mut self, until_ns: u64, verdicts: &mut Vec<Verdict>) {
+        if !self.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
+            return;
+        }
+        let walkers: Vec<Smoothed> = self.tracks.tracks.iter().filter_map(Smoothed::of).collect();
+        while self.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
+            let grounds = self.weigh_first(&walkers);
+            let Some(scan) = self.pending.pop_front() else { return };
+            self.learn(&scan, &grounds);
+            verdicts.push(self.answer(&scan, grounds));
+        }
+    }
+
+    /// Both sides of the ratio for each reading of the first pending scan.
+    fn weigh_first(&self, walkers: &[Smoothed]) -> Vec<Grounds> {
+        let limit_m = self.parameters.range_limit_m;
+        let of_scan = |scan: &PendingScan| {
+            let present = presences(walkers, scan.stamp_ns);
+            scan.readings.iter().map(|reading| walker(reading, &present, limit_m)).collect()
+        };
+        let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
+        let of_scan =
+            |(scan, odds): (&PendingScan, &Vec<f64>)| scan.readings.iter().zip(odds).map(|(reading, t)| weight(*t, reading.past)).collect();
+        let weights: Vec<Vec<f64>> = self.pending.iter().zip(&odds).map(of_scan).collect();
+        let Some((scan, odds)) = self.pending.front().zip(odds.first()) else { return Vec::new() };
+        let readings = scan.readings.iter().zip(odds).enumerate();
+        readings
+            .map(|(index, (reading, walker))| Grounds {
+                walker: *walker,
+                still: still(&self.still, &self.pending, &weights, (0, index), &reading.arc),
+            })
+            .collect()
+    }
+
+    /// A scan leaves the horizon: what it says becomes the past. Hits that a walker explains do not count; whether they were
+    /// withheld plays no part: that would lock walls out for good.
+    fn learn(&mut self, scan: &PendingScan, grounds: &[Grounds]) {
+        for (reading, grounds) in scan.readings.iter().zip(grounds) {
+            if grounds.walker < 0.0 {
+                self.still.hit(&reading.arc, scan.stamp_ns);
+            }
+            self.still.free(&reading.beam, scan.stamp_ns);
+        }
+    }
+
+    /// Whether a reading is taken out of the map.
+    fn withholds(&self, scan: &PendingScan, reading: &PendingReading, grounds: &Grounds) -> bool {
+        reading.beam.echo()
+            && match self.parameters.rule {
+                Rule::Likelihood => self.parameters.readiness + grounds.walker - grounds.still > 0.0,
+                Rule::Paper => scan.regions.iter().any(|region| region.entered_by(&reading.beam, &reading.arc, self.cell)),
+            }
+    }
+
+    fn answer(&self, scan: &PendingScan, grounds: Vec<Grounds>) -> Verdict {
+        let mut verdict = FilterVerdict { inputs: scan.inputs, ..FilterVerdict::default() };
+        if self.parameters.action == Action::Withhold {
+            let readings = scan.readings.iter().zip(&grounds).enumerate();
+            verdict.withheld = readings.map(|(index, (reading, grounds))| u32::from(self.withholds(scan, reading, grounds)) << index).sum();
+        }
+        for (slot, region) in verdict.regions.iter_mut().zip(&scan.regions).take(MAX_REGIONS) {
+            *slot = region.message();
+            verdict.count += 1;
+        }
+        Verdict { seq: scan.seq, stamp_ns: scan.stamp_ns, verdict, grounds }
+    }
+}
+
+fn in_robot_frame(camera: &Camera, b: &Seen, frame: &messages::CameraMotion) -> Seen {
+    let place = camera.mount.then(&Pose { x_m: b.x, y_m: b.y, yaw_rad: 0.0 });
+    let picture_px = f64::from(frame.width) * f64::from(frame.height);
+    Seen { x: place.x_m, y: place.y_m, size: b.size * PAPER_PIXELS / picture_px.max(1.0) }
+}

@@ -1,0 +1,201 @@
+//! One walker: a Kalman filter in the map frame, and what supports it.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Vector2, Vector4};
+use serde::{Deserialize, Serialize};
+use tracking::{Measured, Motion};
+
+use crate::sight::Estimate;
+
+/// White acceleration of a walker, m²/s³.
+pub(crate) const ACCELERATION: f64 = 1.2;
+/// Of one who stands: he shifts his weight.
+const STANDING: f64 = 0.02;
+/// Nobody walks faster indoors, m/s.
+const MOST_SPEED_M_S: f64 = 1.7;
+/// Hits that make a track certain.
+const CONFIRMING_HITS: u32 = 8;
+/// Rest is judged by the way made in this time, ns.
+const REST_NS: u64 = 600_000_000;
+/// Who made less way than this in that time rests, m.
+const REST_M: f64 = 0.15;
+
+/// Who saw the track first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Origin {
+    Camera,
+    /// STD alone.
+    Sonar,
+}
+
+/// What was believed after a support.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Believed {
+    pub(crate) stamp_ns: u64,
+    pub(crate) motion: Motion,
+    /// White acceleration until the next one.
+    pub(crate) acceleration: f64,
+}
+
+/// Who came this far from where he was first seen has walked, m.
+const WALKED_M: f64 = 0.6;
+
+/// One walker.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Track {
+    pub(crate) id: u64,
+    pub(crate) origin: Origin,
+    pub(crate) hits: u32,
+    pub(crate) motion: Motion,
+    /// Time of `motion`.
+    pub(crate) stamp_ns: u64,
+    /// Last support by a blob.
+    pub(crate) seen_ns: u64,
+    /// Last support by an echo; 0: none.
+    pub(crate) heard_ns: u64,
+    /// For how long it should have been visible and was not, ns.
+    pub(crate) unseen_ns: u64,
+    /// Readings that passed beyond it since the last echo.
+    pub(crate) passed: u32,
+    /// Its blob faded while it rested: echoes alone support it.
+    pub(crate) held: bool,
+    /// When it ended.
+    pub(crate) ended_ns: Option<u64>,
+    /// What was believed at each support within the horizon, the oldest first.
+    pub(crate) history: VecDeque<Believed>,
+    /// Frames that could have shown it before it was certain.
+    pub(crate) chances: u32,
+    /// It was hit often enough, and in most frames.
+    pub(crate) certain: bool,
+    /// Where it was first seen, map frame, m.
+    pub(crate) first_m: [f64; 2],
+    /// It has been seen to walk: what never did is no walker who stopped.
+    pub(crate) walked: bool,
+    /// Its first support has left the history.
+    pub(crate) older: bool,
+}
+
+impl Track {
+    pub(crate) fn new(id: u64, origin: Origin, motion: Motion, stamp_ns: u64) -> Self {
+        let mut track = Self {
+            id,
+            origin,
+            hits: 1,
+            motion,
+            stamp_ns,
+            seen_ns: stamp_ns,
+            heard_ns: 0,
+            unseen_ns: 0,
+            passed: 0,
+            held: false,
+            ended_ns: None,
+            history: VecDeque::new(),
+            chances: 1,
+            certain: false,
+            first_m: motion.place_m().into(),
+            walked: false,
+            older: false,
+        };
+        track.remember();
+        track
+    }
+
+    /// Whether it is a walker for certain.
+    pub(crate) fn confirmed(&self) -> bool {
+        self.certain
+    }
+
+    /// Last support of any kind, ns.
+    pub(crate) fn supported_ns(&self) -> u64 {
+        self.seen_ns.max(self.heard_ns)
+    }
+
+    fn acceleration(&self) -> f64 {
+        if self.held { STANDING } else { ACCELERATION }
+    }
+
+    /// Goes on to a later time.
+    pub(crate) fn predict(&mut self, stamp_ns: u64) {
+        let dt_s = stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9;
+        self.motion = self.motion.predict(dt_s, self.acceleration());
+        self.stamp_ns = self.stamp_ns.max(stamp_ns);
+    }
+
+    /// Takes in measurements of the time it was predicted to.
+    pub(crate) fn update(&mut self, measured: &Measured) {
+        self.motion = self.motion.update(measured);
+        let velocity = self.motion.velocity_m_s();
+        let speed = velocity.norm();
+        if speed > MOST_SPEED_M_S {
+            let slower = velocity * (MOST_SPEED_M_S / speed);
+            self.motion.mean = Vector4::new(self.motion.mean.x, self.motion.mean.y, slower.x, slower.y);
+        }
+    }
+
+    /// Keeps what is believed now, after a support.
+    pub(crate) fn remember(&mut self) {
+        let believed = Believed { stamp_ns: self.stamp_ns, motion: self.motion, acceleration: self.acceleration() };
+        let most = f64::from(self.hits) >= 0.6 * f64::from(self.chances) || self.origin == Origin::Sonar;
+        self.certain |= f64::from(self.hits) >= f64::from(CONFIRMING_HITS) && most;
+        self.walked |= (self.motion.place_m() - Vector2::from(self.first_m)).norm() > WALKED_M;
+        match self.history.back_mut() {
+            Some(last) if last.stamp_ns == self.stamp_ns => *last = believed,
+            _ => self.history.push_back(believed),
+        }
+    }
+
+    /// Drops what was believed before a time; the last of it stays, to begin from.
+    pub(crate) fn forget(&mut self, before_ns: u64) {
+        while self.history.get(1).is_some_and(|next| next.stamp_ns < before_ns) {
+            self.history.pop_front();
+            self.older = true;
+        }
+    }
+
+    /// Whether it made no way lately. The velocity is noise once the blob is gone.
+    pub(crate) fn rests(&self) -> bool {
+        let since_ns = self.stamp_ns.saturating_sub(REST_NS);
+        let Some(then) = self.history.iter().rev().find(|believed| believed.stamp_ns <= since_ns) else { return false };
+        let Some(last) = self.history.back() else { return false };
+        (last.motion.place_m() - then.motion.place_m()).norm() < REST_M
+    }
+
+    /// Somebody who stands where this track rests, known by echoes alone from now on.
+    pub(crate) fn stander(&self, id: u64) -> Self {
+        let mut stander = self.clone();
+        stander.id = id;
+        stander.stand_still();
+        stander.remember();
+        stander
+    }
+
+    fn stand_still(&mut self) {
+        self.held = true;
+        self.passed = 0;
+        self.motion.mean = Vector4::new(self.motion.mean.x, self.motion.mean.y, 0.0, 0.0);
+        for axis in 2..4 {
+            for other in 0..4 {
+                self.motion.covariance[(axis, other)] = 0.0;
+                self.motion.covariance[(other, axis)] = 0.0;
+            }
+            self.motion.covariance[(axis, axis)] = 0.01;
+        }
+    }
+}
+
+/// Distance of the track from a place along a direction of length 1, as a measurement.
+pub(crate) fn along(motion: &Motion, origin_m: Vector2<f64>, direction: Vector2<f64>, found: Estimate) -> Measured {
+    let expected = (motion.place_m() - origin_m).dot(&direction);
+    Measured { row: Vector4::new(direction.x, direction.y, 0.0, 0.0), residual: found.value - expected, variance: found.variance }
+}
+
+/// Bearing of the track from a place, against an axis, as a measurement.
+pub(crate) fn bearing(motion: &Motion, origin_m: Vector2<f64>, axis_rad: f64, found: Estimate) -> Measured {
+    let towards = motion.place_m() - origin_m;
+    let distance_squared = towards.norm_squared().max(0.01);
+    let turned = towards.y.atan2(towards.x) - axis_rad - found.value;
+    let residual = -turned.sin().atan2(turned.cos());
+    let row = Vector4::new(-towards.y / distance_squared, towards.x / distance_squared, 0.0, 0.0);
+    Measured { row, residual, variance: found.variance }
+}

@@ -1,0 +1,182 @@
+//! A robot stands before a wall, somebody walks past: the service from outside.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use messages::{Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan};
+use proptest::prelude::*;
+use stillmap_fti::{Camera, Fti, Input, Parameters, Patience, StateError, Verdict};
+
+const WALL_M: f64 = 2.5;
+const WALKER_X_M: f64 = 1.5;
+/// A scan every 100 ms, a frame every 50 ms.
+const SCANS: u64 = 120;
+
+/// How far aside the walker is: he enters on the right after 4 s and walks to the left at 0.8 m/s.
+fn walker_y_m(time_s: f64) -> f64 {
+    -1.6 + 0.8 * (time_s - 4.0)
+}
+
+fn before_sonar(time_s: f64) -> bool {
+    walker_y_m(time_s).abs() < 0.3
+}
+
+fn scan(time_s: f64) -> SonarScan {
+    let range_m = if before_sonar(time_s) { WALKER_X_M - 0.12 } else { WALL_M };
+    SonarScan::new(Pose::default(), &[SonarReading { range_m, echo: 1, ..SonarReading::default() }], false)
+}
+
+fn frame(time_s: f64) -> CameraMotion {
+    let mut motion = CameraMotion { width: 160, height: 120, status: CameraStatus::Compensated as u32, ..CameraMotion::default() };
+    let focal_px = 80.0 / (Camera::default().field_of_view_rad / 2.0).tan();
+    let u_px = 80.0 - focal_px * walker_y_m(time_s) / WALKER_X_M;
+    let half_px = focal_px * 0.22 / WALKER_X_M;
+    if u_px - half_px > 0.0 && u_px + half_px < 160.0 {
+        let bottom_px = (60.0 + focal_px * 0.3 / (WALKER_X_M - 0.12)) as u32;
+        motion.blobs[0] = Blob {
+            u_px: u_px as f32,
+            v_px: 40.0,
+            size_px: 2000,
+            left_px: (u_px - half_px) as u32,
+            right_px: (u_px + half_px) as u32,
+            top_px: 0,
+            bottom_px,
+            reserved: 0,
+        };
+        motion.count = 1;
+    }
+    motion
+}
+
+fn feed(fti: &mut Fti, scans: std::ops::RangeInclusive<u64>, with_camera: bool) -> Vec<Verdict> {
+    let mut verdicts = Vec::new();
+    for seq in scans {
+        let stamp_ns = seq * 100_000_000;
+        for frame_ns in [stamp_ns - 50_000_000, stamp_ns].into_iter().filter(|_| with_camera) {
+            verdicts.extend(fti.step(Input::Camera { stamp_ns: frame_ns, motion: &frame(frame_ns as f64 * 1e-9) }));
+        }
+        verdicts.extend(fti.step(Input::Scan { seq, stamp_ns, scan: &scan(stamp_ns as f64 * 1e-9) }));
+        verdicts.extend(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
+    }
+    verdicts
+}
+
+fn finish(fti: &mut Fti) -> Vec<Verdict> {
+    let mut verdicts = fti.step(Input::CameraEnded);
+    verdicts.extend(fti.step(Input::ScansEnded));
+    verdicts
+}
+
+#[test]
+fn the_walkers_echoes_are_withheld_and_the_walls_are_not() {
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    let mut verdicts = feed(&mut fti, 1..=SCANS, true);
+    assert_eq!(verdicts.last().unwrap().seq, SCANS - 30, "three seconds are pending");
+    verdicts.extend(finish(&mut fti));
+    assert_eq!(verdicts.iter().map(|v| v.seq).collect::<Vec<_>>(), (1..=SCANS).collect::<Vec<_>>());
+    for verdict in &verdicts {
+        let expected = before_sonar(verdict.stamp_ns as f64 * 1e-9);
+        assert_eq!(verdict.verdict.withholds(0), expected, "{verdict:?}");
+        assert_eq!(verdict.verdict.inputs, FilterVerdict::FROM_SONAR | FilterVerdict::FROM_CAMERA);
+    }
+}
+
+#[test]
+fn without_a_camera_it_goes_on_and_says_so() {
+    let mut fti = Fti::new(Parameters { camera: None, ..Parameters::default() }).unwrap();
+    let mut verdicts = feed(&mut fti, 1..=SCANS, false);
+    verdicts.extend(finish(&mut fti));
+    assert_eq!(verdicts.len() as u64, SCANS);
+    assert!(verdicts.iter().all(|verdict| verdict.verdict.inputs == FilterVerdict::FROM_SONAR));
+    let late = verdicts.iter().filter(|verdict| !before_sonar(verdict.stamp_ns as f64 * 1e-9));
+    assert!(late.into_iter().all(|verdict| !verdict.verdict.withholds(0)), "the wall stays");
+}
+
+#[test]
+fn live_a_dead_camera_is_waited_for_no_longer_than_the_patience() {
+    let mut fti = Fti::new(Parameters { patience: Patience::Seconds(0.5), ..Parameters::default() }).unwrap();
+    let verdicts = feed(&mut fti, 1..=60, false);
+    assert_eq!(verdicts.last().unwrap().seq, 60 - 30 - 6);
+    assert!(verdicts.iter().all(|verdict| verdict.verdict.inputs == FilterVerdict::FROM_SONAR));
+}
+
+#[test]
+fn the_order_of_arrival_decides_nothing() {
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    let mut in_order = feed(&mut fti, 1..=SCANS, true);
+    in_order.extend(finish(&mut fti));
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    let mut late = Vec::new();
+    for seq in 1..=SCANS {
+        late.extend(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
+        late.extend(fti.step(Input::Scan { seq, stamp_ns: seq * 100_000_000, scan: &scan(seq as f64 * 0.1) }));
+    }
+    for half in 1..=2 * SCANS {
+        let stamp_ns = half * 50_000_000;
+        late.extend(fti.step(Input::Camera { stamp_ns, motion: &frame(stamp_ns as f64 * 1e-9) }));
+    }
+    late.extend(finish(&mut fti));
+    assert_eq!(late, in_order);
+}
+
+#[test]
+fn a_state_read_back_goes_on_the_same() {
+    for cut in [0, 1, 45, 62, 100] {
+        let mut whole = Fti::new(Parameters::default()).unwrap();
+        feed(&mut whole, 1..=cut, true);
+        let mut restored = Fti::from_bytes(Parameters::default(), &whole.to_bytes()).unwrap();
+        assert_eq!(restored.to_bytes(), whole.to_bytes());
+        assert_eq!(feed(&mut restored, cut + 1..=SCANS, true), feed(&mut whole, cut + 1..=SCANS, true));
+        assert_eq!(finish(&mut restored), finish(&mut whole));
+    }
+}
+
+#[test]
+fn another_version_and_cut_bytes_are_refused() {
+    let error = |bytes: &[u8]| Fti::from_bytes(Parameters::default(), bytes).unwrap_err();
+    assert_eq!(error(&[77]), StateError::Version { found: 77 });
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    feed(&mut fti, 1..=40, true);
+    let bytes = fti.to_bytes();
+    assert!(matches!(error(&bytes[..bytes.len() / 2]), StateError::Damaged(_)));
+}
+
+#[test]
+fn parameters_out_of_range_are_refused() {
+    let error = Fti::new(Parameters { horizon_s: f64::NAN, ..Parameters::default() }).unwrap_err();
+    assert_eq!(error.to_string(), "horizon_s is NaN, expected 0 to 10 s");
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_answered_with_valid_verdicts(bytes in proptest::collection::vec(any::<u8>(), 2000), stamps in proptest::collection::vec(any::<u64>(), 6)) {
+        let mut fti = Fti::new(Parameters { patience: Patience::Seconds(0.0), ..Parameters::default() }).unwrap();
+        let mut verdicts = feed(&mut fti, 1..=20, true);
+        for (seq, stamp_ns) in (100..).zip(stamps) {
+            let (scan, rest) = bytes.split_at(size_of::<SonarScan>());
+            let scan: SonarScan = bytemuck::pod_read_unaligned(scan);
+            let mut motion: SonarMotion = bytemuck::pod_read_unaligned(&padded(rest, size_of::<SonarMotion>()));
+            let mut camera: CameraMotion = bytemuck::pod_read_unaligned(&padded(rest, size_of::<CameraMotion>()));
+            (motion.count, camera.count) = (16, 16);
+            verdicts.extend(fti.step(Input::Camera { stamp_ns, motion: &camera }));
+            verdicts.extend(fti.step(Input::Scan { seq, stamp_ns, scan: &scan }));
+            verdicts.extend(fti.step(Input::Sonar { seq, motion: &motion }));
+        }
+        verdicts.extend(finish(&mut fti));
+        for verdict in verdicts {
+            prop_assert_eq!(verdict.verdict.validate(), Ok(()));
+        }
+    }
+
+    #[test]
+    fn garbage_is_refused_or_read_but_never_breaks(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        let mut versioned = vec![1];
+        versioned.extend(&bytes);
+        if let Ok(mut fti) = Fti::from_bytes(Parameters::default(), &versioned) {
+            feed(&mut fti, 1..=40, true);
+        }
+    }
+}
+
+fn padded(bytes: &[u8], size: usize) -> Vec<u8> {
+    bytes.iter().copied().cycle().take(size).collect()
+}
