@@ -1,7 +1,7 @@
 //! The size that SBS works at.
 //!
 //! A picture from 320 wide on is halved first: the means of 2 × 2 pixels carry half the noise, and a moving person is as large
-//! as ever. (F1 driving at 320 × 240 is .869 so, .846 at full size, for a quarter of the time.) What goes out is in pixels of
+//! as ever. (F1 driving at 320 × 240 is .857 so, .846 at full size, for a third of the time.) What goes out is in pixels of
 //! the camera again.
 
 use crate::components::Component;
