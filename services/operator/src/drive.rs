@@ -45,6 +45,9 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
     for (process, cause) in outcome.failures() {
         output::line(&format!("failed     {process}: {cause}"))?;
     }
+    if outcome.exit_code() == supervisor::EXIT_BAD_INPUT {
+        return Ok(());
+    }
     let restarted: Vec<String> = outcome
         .processes
         .iter()
