@@ -8,6 +8,9 @@ use rand_chacha::rand_core::SeedableRng;
 /// Streams of the odometry's steps; those of the pings count from 0.
 const STEPS: u64 = 1 << 63;
 
+/// Streams of the camera's frames.
+const FRAMES: u64 = 1 << 62;
+
 /// What chance decides about one ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PingChance {
@@ -40,6 +43,11 @@ impl PingChance {
 /// The numbers of an odometry step.
 pub(crate) fn of_step(seed: u64, step: u64) -> ChaCha8Rng {
     stream(seed, STEPS | step)
+}
+
+/// The numbers of a camera frame.
+pub(crate) fn of_frame(seed: u64, frame: u64) -> ChaCha8Rng {
+    stream(seed, FRAMES | frame)
 }
 
 fn stream(seed: u64, number: u64) -> ChaCha8Rng {

@@ -15,6 +15,7 @@
 //! Sound is flat: everything stands as high as the sonars.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+pub mod blobs;
 mod body;
 mod chance;
 mod config_packet;

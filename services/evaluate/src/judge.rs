@@ -1,0 +1,114 @@
+//! A drive through STD, FTI and the mapper, in this process.
+
+use messages::{EchoLabel, FilterVerdict, Layer, SonarMotion};
+use stillmap_std::Std;
+
+use crate::drive::{Drive, Scan};
+use crate::occupancy::Occupancy;
+
+/// STD and FTI as they are to be run.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    /// STD.
+    pub std: stillmap_std::Parameters,
+    /// FTI.
+    pub fti: fti::Parameters,
+}
+
+/// What STD and FTI said of a drive.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// STD's answer to each scan.
+    pub motions: Vec<SonarMotion>,
+    /// FTI's verdict on each scan, in their order.
+    pub verdicts: Vec<FilterVerdict>,
+    /// Why, for each reading of each scan.
+    pub grounds: Vec<Vec<fti::Grounds>>,
+    /// Places of FTI's certain tracks after each scan, map frame, m.
+    pub tracks_m: Vec<Vec<[f64; 2]>>,
+}
+
+/// Parameters that STD, FTI or the mapper refuse.
+#[derive(Debug, thiserror::Error)]
+pub enum FilterError {
+    /// STD's.
+    #[error(transparent)]
+    Std(#[from] stillmap_std::ParametersError),
+    /// FTI's.
+    #[error(transparent)]
+    Fti(#[from] fti::ParametersError),
+    /// The mapper's.
+    #[error(transparent)]
+    Mapping(#[from] mapping::ParametersError),
+    /// The mapper refuses an input.
+    #[error(transparent)]
+    Refused(#[from] mapping::Refused),
+}
+
+/// Runs STD and FTI over a drive.
+///
+/// # Errors
+/// Parameters that cannot be meant.
+pub fn filter(drive: &Drive, filter: &Filter) -> Result<Outcome, FilterError> {
+    let mut std = Std::new(filter.std)?;
+    let mut fti = fti::Fti::new(filter.fti.clone())?;
+    let mut outcome = Outcome { motions: Vec::new(), verdicts: Vec::new(), grounds: Vec::new(), tracks_m: Vec::new() };
+    let mut frames = drive.frames.iter().peekable();
+    for Scan { seq, stamp_ns, scan, .. } in &drive.scans {
+        while let Some(frame) = frames.next_if(|frame| frame.stamp_ns <= *stamp_ns) {
+            collect(&mut outcome, fti.step(fti::Input::Camera { stamp_ns: frame.stamp_ns, motion: &frame.motion }));
+        }
+        let motion = std.step(*stamp_ns, scan);
+        collect(&mut outcome, fti.step(fti::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan }));
+        collect(&mut outcome, fti.step(fti::Input::Sonar { seq: *seq, motion: &motion }));
+        outcome.motions.push(motion);
+        outcome.tracks_m.push(fti.walkers_m());
+    }
+    collect(&mut outcome, fti.step(fti::Input::CameraEnded));
+    collect(&mut outcome, fti.step(fti::Input::ScansEnded));
+    Ok(outcome)
+}
+
+fn collect(outcome: &mut Outcome, verdicts: Vec<fti::Verdict>) {
+    for verdict in verdicts {
+        outcome.verdicts.push(verdict.verdict);
+        outcome.grounds.push(verdict.grounds);
+    }
+}
+
+/// The map of a drive under these verdicts.
+///
+/// # Errors
+/// Settings or verdicts that the mapper refuses.
+pub fn judge(drive: &Drive, settings: &settings::Mapping, verdicts: &[FilterVerdict]) -> Result<Occupancy, FilterError> {
+    let settings = settings::Mapping { expect_verdicts: true, keep_unfiltered: false, ..settings.clone() };
+    let mut mapper = mapping::Mapper::new(mapping::Parameters::new(&settings, settings::Pace::Lockstep)?);
+    for (Scan { seq, stamp_ns, scan, .. }, verdict) in drive.scans.iter().zip(verdicts) {
+        mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan })?;
+        mapper.step(mapping::Input::Verdict { seq: *seq, verdict })?;
+    }
+    mapper.step(mapping::Input::End)?;
+    mapper.refresh();
+    Ok(Occupancy::of(&mapper, Layer::Filtered))
+}
+
+/// The verdicts of who knows where each echo came from: all that came from a walker, straight or by a mirror, are withheld.
+#[must_use]
+pub fn oracle(drive: &Drive) -> Vec<FilterVerdict> {
+    let of_scan = |scan: &Scan| {
+        let readings = &scan.truth.readings[..scan.truth.count as usize];
+        let withheld = readings.iter().enumerate().map(|(index, reading)| u32::from(of_walker(reading)) << index).sum();
+        FilterVerdict { withheld, ..FilterVerdict::default() }
+    };
+    drive.scans.iter().map(of_scan).collect()
+}
+
+/// Verdicts that keep everything.
+#[must_use]
+pub fn unfiltered(drive: &Drive) -> Vec<FilterVerdict> {
+    vec![FilterVerdict::default(); drive.scans.len()]
+}
+
+pub(crate) fn of_walker(reading: &messages::TrueReading) -> bool {
+    reading.label == EchoLabel::Walker as u32 || reading.label == EchoLabel::Ghost as u32 && reading.walker != 0
+}

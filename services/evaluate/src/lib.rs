@@ -1,0 +1,19 @@
+//! How good the map is, against the truth of the simulator.
+//!
+//! A [`Drive`] is a recorded way through a simulated world with what every sense said. [`judge`] runs it through STD, FTI and
+//! the mapper in this process, without a bus, and compares the map with the truth, with the map that true echo labels give
+//! (*oracle*) and with the map of the same drive without walkers (*reference*).
+
+mod drive;
+mod judge;
+mod occupancy;
+mod score;
+mod truth;
+mod variation;
+
+pub use drive::{Drive, Eyes, Frame, Scan};
+pub use judge::{Filter, FilterError, Outcome, filter, judge, oracle, unfiltered};
+pub use occupancy::Occupancy;
+pub use score::{Detection, Labels, Score, Tally, track_errors_m};
+pub use truth::Truth;
+pub use variation::{Variation, VariationError, read_world};

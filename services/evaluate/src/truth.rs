@@ -1,0 +1,68 @@
+//! The true surfaces and the walkers' ways, in the frame of the map.
+
+use std::collections::BTreeSet;
+
+use grid::{Cell, CellSize};
+use messages::{Pose, TruthSurfaces};
+
+use crate::drive::Scan;
+
+/// Surfaces and ways are looked at this finely, m.
+const STEP_M: f64 = 0.02;
+
+/// The true surfaces and the walkers' ways, in the frame of the map.
+#[derive(Debug, Clone, Default)]
+pub struct Truth {
+    /// Both ends of each straight piece of surface, m.
+    pub surfaces_m: Vec<[[f64; 2]; 2]>,
+    /// Every place of a walker, m.
+    pub ways_m: Vec<[f64; 2]>,
+}
+
+impl Truth {
+    pub(crate) fn new(surfaces: &[TruthSurfaces], scans: &[Scan]) -> Self {
+        let Some(start) = surfaces.first().map(|chunk| chunk.start) else { return Self::default() };
+        let pieces = surfaces.iter().flat_map(|chunk| &chunk.surfaces[..chunk.count as usize]);
+        let surfaces_m = pieces.map(|piece| [in_map(&start, piece.from_m), in_map(&start, piece.to_m)]).collect();
+        let places = scans.iter().flat_map(|scan| &scan.truth.walkers_m[..scan.truth.walkers_count as usize]);
+        Self { surfaces_m, ways_m: places.map(|place| in_map(&start, *place)).collect() }
+    }
+
+    /// Places on the surfaces, a step apart.
+    pub(crate) fn surface_places_m(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.surfaces_m.iter().flat_map(|[from, to]| {
+            let steps = ((to[0] - from[0]).hypot(to[1] - from[1]) / STEP_M).ceil().max(1.0) as u32;
+            (0..=steps).map(move |step| {
+                let share = f64::from(step) / f64::from(steps);
+                [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
+            })
+        })
+    }
+}
+
+/// A place of the world's frame in the map's, whose origin is the robot's start.
+pub(crate) fn in_map(start: &Pose, place_m: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = start.yaw_rad.sin_cos();
+    let (dx, dy) = (place_m[0] - start.x_m, place_m[1] - start.y_m);
+    [dx * cos + dy * sin, dy * cos - dx * sin]
+}
+
+/// The cells whose centres lie within a distance of any of these places.
+pub(crate) fn cells_near(size: CellSize, places_m: impl Iterator<Item = [f64; 2]>, within_m: f64) -> BTreeSet<Cell> {
+    let mut near = BTreeSet::new();
+    let mut done = BTreeSet::new();
+    for [x, y] in places_m {
+        // Places closer than a centimetre to one that was looked at add nothing.
+        if !done.insert(((x * 100.0) as i64, (y * 100.0) as i64)) {
+            continue;
+        }
+        for row in size.index_of(y - within_m)..=size.index_of(y + within_m) {
+            for column in size.index_of(x - within_m)..=size.index_of(x + within_m) {
+                if (size.centre_of(column) - x).hypot(size.centre_of(row) - y) <= within_m {
+                    near.insert(Cell { row, column });
+                }
+            }
+        }
+    }
+    near
+}
