@@ -206,7 +206,7 @@ impl Fti {
 
     /// Gives the verdicts on the scans up to a time, with everything known now.
     fn decide_until(&mut self, until_ns: u64, verdicts: &mut Vec<Verdict>) {
-        if !self.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
+        if self.pending.front().is_none_or(|scan| scan.stamp_ns > until_ns) {
             return;
         }
         let walkers: Vec<Smoothed> = self.tracks.tracks.iter().filter_map(Smoothed::of).collect();
