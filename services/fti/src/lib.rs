@@ -31,7 +31,7 @@ mod track;
 mod tracks;
 mod verdict;
 
-pub use parameters::{Action, Camera, Cue, Parameters, ParametersError, Patience, Rule};
+pub use parameters::{Camera, Cue, Parameters, ParametersError, Patience, Rule};
 pub use state::StateError;
 pub use step::{Fti, Grounds, Verdict};
 pub use streams::Input;

@@ -16,15 +16,6 @@ pub enum Rule {
     Paper,
 }
 
-/// What is done about what moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Action {
-    /// The occupied part of the reading is left out of the map.
-    Withhold,
-    /// As printed: the cells of the update regions are set free.
-    Free,
-}
-
 /// How the place of a blob is read off the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cue {
@@ -69,8 +60,6 @@ pub struct Parameters {
     pub horizon_s: f64,
     /// What decides about a reading.
     pub rule: Rule,
-    /// What is done about what moves.
-    pub action: Action,
     /// How a blob's place is read off the picture.
     pub cue: Cue,
     /// Farthest distance of a blob and a moving class that are one object (σ_correspond), m.
@@ -99,7 +88,6 @@ impl Default for Parameters {
             range_limit_m: 3.0,
             horizon_s: 3.0,
             rule: Rule::Likelihood,
-            action: Action::Withhold,
             cue: Cue::Ground,
             correspond_m: 0.5,
             readiness: 0.5,

@@ -18,7 +18,7 @@ use crate::streams::{Frame, Input, Streams, Waiting};
 use crate::tables::{Integration, Ranges, Seen};
 use crate::tracks::{Tracks, in_view};
 use crate::verdict::{presences, still, walker, weight};
-use crate::{Action, Camera, Parameters, ParametersError, Rule};
+use crate::{Camera, Parameters, ParametersError, Rule};
 
 /// Radius of the floor that the robot itself takes, m.
 const ROBOT_RADIUS_M: f64 = 0.2;
@@ -261,10 +261,8 @@ impl Fti {
 
     fn answer(&self, scan: &PendingScan, grounds: Vec<Grounds>) -> Verdict {
         let mut verdict = FilterVerdict { inputs: scan.inputs, ..FilterVerdict::default() };
-        if self.parameters.action == Action::Withhold {
-            let readings = scan.readings.iter().zip(&grounds).enumerate();
-            verdict.withheld = readings.map(|(index, (reading, grounds))| u32::from(self.withholds(scan, reading, grounds)) << index).sum();
-        }
+        let readings = scan.readings.iter().zip(&grounds).enumerate();
+        verdict.withheld = readings.map(|(index, (reading, grounds))| u32::from(self.withholds(scan, reading, grounds)) << index).sum();
         for (slot, region) in verdict.regions.iter_mut().zip(&scan.regions).take(MAX_REGIONS) {
             *slot = region.message();
             verdict.count += 1;
