@@ -65,7 +65,7 @@ fn a_bad_line_is_told_with_file_and_number() {
     assert!(refused(good, "1 0 0 0\n3 0 0 0\n").contains("poses.txt: line 2: found \"time 3\", expected 2 as in measurement.txt"));
     let again = "1 2 3 4 5 6 7 8 9\n1 2 3 4 5 6 7 8 9\n";
     assert!(refused(again, "1 0 0 0\n1 0 0 0\n").contains("line 2: found \"time 1\", expected a time after that of the line before"));
-    assert!(refused("1 -2 3 4 5 6 7 8 9\n", "1 0 0 0\n").contains("line 1: found \"readings.range_m is -0.002, expected 0 to 100 m\""));
+    assert!(refused("1 -2 3 4 5 6 7 8 9\n", "1 0 0 0\n").contains("line 1: found \"readings.range_m is -0.002, expected 0 to 10 m\""));
     assert!(refused(good, "1 0 0 0\n2 1e12 0 0\n").contains("line 2: found \"pose.x_m is 1000000000"));
 }
 

@@ -92,7 +92,8 @@ impl Payload for SonarScan {
             within("readings.mount.x_m", reading.mount.x_m, -10.0, 10.0, "within 10 m of the robot")?;
             within("readings.mount.y_m", reading.mount.y_m, -10.0, 10.0, "within 10 m of the robot")?;
             within("readings.mount.yaw_rad", reading.mount.yaw_rad, -10.0, 10.0, "an angle")?;
-            within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m: no sonar of a mobile robot hears farther")?;
+            // No sonar of a mobile robot hears farther; it bounds the work that one reading can make.
+            within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m")?;
             at_most("readings.sonar", reading.sonar, 255, "at most 255")?;
             at_most("readings.echo", reading.echo, 1, "0 or 1")?;
         }

@@ -88,7 +88,7 @@ impl Payload for TruthScan {
         at_most("count", self.count, MAX_READINGS, "at most 16")?;
         at_most("walkers_count", self.walkers_count, 16, "at most 16")?;
         for reading in &self.readings[..self.count as usize] {
-            within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m: no sonar of a mobile robot hears farther")?;
+            within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m")?;
             at_most("readings.label", reading.label, 4, "0 to 4")?;
         }
         Ok(())

@@ -113,7 +113,7 @@ fn what_cannot_be_taken_is_refused_and_changes_nothing() {
     let back = Refused::BackInTime { seq: 6, stamp_ns: 99, last_ns: 100 };
     assert_eq!(refused(&mut mapper, Input::Scan { seq: 6, stamp_ns: 99, scan }), back);
     let invalid = refused(&mut mapper, Input::Scan { seq: 6, stamp_ns: 100, scan: &echo_ahead(f64::NAN) });
-    assert_eq!(invalid.to_string(), "message 6: readings.range_m is NaN, expected 0 to 100 m");
+    assert_eq!(invalid.to_string(), "message 6: readings.range_m is NaN, expected 0 to 10 m");
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 4, verdict: &verdict(0) }), Refused::LateVerdict { seq: 4, decided: 4 });
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 9, verdict: &verdict(0) }), Refused::RepeatedVerdict { seq: 9 });
     assert_eq!(mapper.save(), before);

@@ -104,7 +104,7 @@ arbitrary! {
 impl Arbitrary for SonarScan {
     fn any() -> BoxedStrategy<Self> {
         let mount = (-10.0..=10.0, -10.0..=10.0, -10.0..=10.0).prop_map(|(x_m, y_m, yaw_rad)| Pose { x_m, y_m, yaw_rad });
-        let reading = (mount, 0.0..=100.0, 0..=255u32, 0..=1u32).prop_map(|(mount, range_m, sonar, echo)| SonarReading {
+        let reading = (mount, 0.0..=10.0, 0..=255u32, 0..=1u32).prop_map(|(mount, range_m, sonar, echo)| SonarReading {
             mount,
             range_m,
             sonar,
