@@ -1,6 +1,6 @@
 //! How good the map is, against the truth of the simulator.
 //!
-//! A [`Drive`] is a recorded way through a simulated world with what every sense said. [`judge`] runs it through STD, FTI and
+//! A [`Drive`] is a recorded way through a simulated world with what every sense said. [`judge()`] runs it through STD, FTI and
 //! the mapper in this process, without a bus, and compares the map with the truth, with the map that true echo labels give
 //! (*oracle*) and with the map of the same drive without walkers (*reference*).
 
