@@ -35,7 +35,8 @@ impl Progress {
     /// Shows the state of the run.
     pub(crate) fn show(&mut self, status: &DeploymentStatus) {
         let processes = status.processes.iter().take(status.count as usize);
-        let drive = processes.clone().find_map(|process| Some((process, counter(process, DONE)?, counter(process, TOTAL)?)));
+        let mut at_work = processes.clone().filter(|process| process.state == ProcessState::Running as u32);
+        let drive = at_work.find_map(|process| Some((process, counter(process, DONE)?, counter(process, TOTAL)?)));
         match &mut self.view {
             View::Bar(bar) => {
                 if let Some((_, done, total)) = drive.filter(|(_, _, total)| *total > 0) {
