@@ -12,43 +12,55 @@ fn start(bench: &Bench) -> Run {
     Run::start(bench.stillmap(["demo", "--speed", "10", "--world", CORRIDOR, "--out", out.to_str().unwrap()]))
 }
 
+/// Kills the process in mid-drive and looks at what came of it; the hash of the map.
 #[track_caller]
-fn survives_the_kill_of(process: &str) {
-    let bench = Bench::new();
-    let run = start(&bench);
+fn survives_the_kill_of(process: &str, bench: &Bench) -> String {
+    let run = start(bench);
     bench.wait_for("mapping", "it has taken 150 scans", |mapping| mapping["received"].as_u64() > Some(150));
     bench.remember_domain();
     let before = bench.wait_for(process, "it runs", |it| it["state"] == "running" && it["pid"].is_u64());
     kill(before["pid"].as_u64().unwrap());
     let after = bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
     assert_ne!(after["pid"], before["pid"]);
-    map_sha256(&run.end());
+    let driven = map_sha256(&run.end());
     let map = PgmMap::read(&bench.path("out"));
     // The right wall before the kill and the left wall long after it, in the map frame.
     assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "what was mapped before the kill is there");
     assert!(map.wall_share([6.9, 1.2], [8.6, 1.2], 0.1) > 0.8, "the drive went on after it");
     assert!(map.count(OCCUPIED) > 300);
     assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
+    driven
 }
 
 #[test]
-fn mapping() {
-    survives_the_kill_of("mapping");
+fn mapping_and_the_map_is_that_of_the_log() {
+    let bench = Bench::new();
+    let driven = survives_the_kill_of("mapping", &bench);
+    assert_eq!(replayed(&bench), driven);
 }
 
 #[test]
 fn pioneer() {
-    survives_the_kill_of("pioneer");
+    survives_the_kill_of("pioneer", &Bench::new());
 }
 
 #[test]
 fn simulator() {
-    survives_the_kill_of("simulator");
+    survives_the_kill_of("simulator", &Bench::new());
 }
 
 #[test]
 fn recorder_and_its_log_is_whole() {
-    survives_the_kill_of("recorder");
+    let bench = Bench::new();
+    let driven = survives_the_kill_of("recorder", &bench);
+    assert!(bench.path("out").join("drive.2.mcap").exists(), "the log goes on in a second part");
+    assert_eq!(replayed(&bench), driven);
+}
+
+/// The hash of the map that the log gives.
+fn replayed(bench: &Bench) -> String {
+    let log = bench.path("out").join("drive.mcap");
+    map_sha256(&bench.output(["replay", log.to_str().unwrap(), "--out", bench.path("again").to_str().unwrap()]))
 }
 
 #[test]

@@ -149,7 +149,7 @@ pub(crate) enum LogCommand {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ImportFormat {
-    /// Sonar and odometry of a Pioneer 3-DX in one CSV file
+    /// The occupancy grid exercise of RoboND: measurement.txt and poses.txt
     Robond,
 }
 
