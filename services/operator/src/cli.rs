@@ -1,7 +1,9 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Maps what stands still, from a robot that drives among people.
 #[derive(Debug, Parser)]
@@ -61,6 +63,9 @@ pub(crate) enum Command {
         #[command(flatten)]
         which: Which,
     },
+    /// Tells how good results are, against the truth
+    #[command(subcommand)]
+    Evaluate(EvaluateCommand),
     /// Looks at, repairs or imports logs
     #[command(subcommand)]
     Log(LogCommand),
@@ -117,6 +122,79 @@ pub(crate) enum Pace {
 }
 
 #[derive(Debug, Subcommand)]
+pub(crate) enum EvaluateCommand {
+    /// Scores what moves in a camera's pictures: finds it and compares it with the truth, pixel by pixel
+    Camera(CameraOptions),
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CameraOptions {
+    /// The pictures: YUV4MPEG2, 8 bits, 80 × 60 to 640 × 480
+    #[arg(value_name = "FRAMES.y4m")]
+    pub(crate) frames_file: PathBuf,
+    /// The truth: 0 still, 50 shadow, 85 and 170 not scored, 255 moving
+    #[arg(value_name = "LABELS.y4m")]
+    pub(crate) labels_file: PathBuf,
+    /// As JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Folder for pictures and a log of frame, mask and truth of each scored frame; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Frames that are scored, counted from 0
+    #[arg(long, value_name = "FIRST..LAST", default_value = "30..119")]
+    pub(crate) frames: FrameRange,
+    /// Row of the horizon as a share of the height: shadow is looked for below it; 0 for a camera that looks down, 1 for no shadow
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = share)]
+    pub(crate) horizon: f32,
+    /// How the camera's own motion is found
+    #[arg(long, value_enum, default_value_t = Compensation::Direct)]
+    pub(crate) compensation: Compensation,
+}
+
+/// Numbers of frames, both included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct FrameRange {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+}
+
+impl FromStr for FrameRange {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parsed = || {
+            let (first, last) = text.split_once("..")?;
+            Some(Self { first: first.parse().ok()?, last: last.parse().ok()? })
+        };
+        parsed().filter(|range| range.first <= range.last).ok_or("expected two whole numbers as in 30..119, the smaller one first")
+    }
+}
+
+impl Display for FrameRange {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} to {}", self.first, self.last)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Compensation {
+    /// From all pixels at once, by robust Gauss–Newton
+    Direct,
+    /// From landmarks, by iterative closest point
+    Icp,
+}
+
+impl From<Compensation> for sbs::Method {
+    fn from(compensation: Compensation) -> Self {
+        match compensation {
+            Compensation::Direct => Self::Direct,
+            Compensation::Icp => Self::Icp,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
 pub(crate) enum LogCommand {
     /// Tells what a log holds
     Info {
@@ -160,6 +238,13 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a number from 0 to 1".to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,6 +260,22 @@ mod tests {
         assert_eq!(speed("2.5"), Ok(2.5));
         for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
             assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_range_of_frames_runs_forwards() {
+        assert_eq!("30..119".parse(), Ok(FrameRange { first: 30, last: 119 }));
+        for wrong in ["", "30", "..", "30..", "..119", "119..30", "-1..4", "a..b", "1..2..3"] {
+            assert!(wrong.parse::<FrameRange>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_share_lies_within_0_and_1() {
+        assert_eq!(share("0.5"), Ok(0.5));
+        for wrong in ["", "-0.1", "1.1", "nan", "half"] {
+            assert!(share(wrong).is_err(), "{wrong}");
         }
     }
 }

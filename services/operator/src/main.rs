@@ -5,6 +5,7 @@ mod check;
 mod cli;
 mod demo;
 mod drive;
+mod evaluate;
 mod exit;
 mod log;
 mod logging;
@@ -48,6 +49,7 @@ fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
         Command::Replay { log, pace, options } => replay::replay(&log, pace, &options, bars),
         Command::Status { json, which } => status::status(json, &which),
         Command::Map { out, which } => map::map(&out, &which),
+        Command::Evaluate(command) => evaluate::evaluate(&command, bars),
         Command::Log(command) => log::log(&command),
         Command::Check { settings: Some(settings), .. } => check::check(&settings),
         Command::Check { schema: true, .. } => print(&settings::schema()),

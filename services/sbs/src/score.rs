@@ -22,7 +22,7 @@ const TRUE_SHARE: f64 = 0.3;
 /// Sums over frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Score {
-    /// Frames scored.
+    /// Frames that have a pixel that is scored.
     pub frames: u64,
     /// Moving pixels called foreground.
     pub true_positives: u64,
@@ -39,8 +39,11 @@ pub struct Score {
 }
 
 impl Score {
-    /// Adds a frame: its mask (not 0: foreground) and its truth, of the same size.
+    /// Adds a frame: its mask (not 0: foreground) and its truth, of the same size. Truth that scores no pixel adds nothing.
     pub fn add(&mut self, mask: &Plane<u8>, truth: &Plane<u8>) {
+        if truth.values().iter().all(|&label| matches!(label, LABEL_UNKNOWN | LABEL_OUTSIDE)) {
+            return;
+        }
         self.frames += 1;
         let size_min = SIZE_MIN_AT_160 * (mask.width() as f64 / 160.0).powi(2);
         let found = components(mask);

@@ -1,4 +1,4 @@
-//! Reader of YUV4MPEG2 (`.y4m`), 8 bits: mono, or the luminance of 4:2:0.
+//! Reader of YUV4MPEG2 (`.y4m`), 8 bits: mono, or the luminance of the colour spaces with planes of their own for it.
 //!
 //! It reads from anything and keeps one frame. It never panics on any bytes; an error tells the offset and what was expected.
 
@@ -41,6 +41,8 @@ pub enum Y4mError {
 const LINE_MAX: usize = 1024;
 /// Largest edge of a picture: what lies above is no picture but a broken number.
 const EDGE_MAX: usize = 16384;
+/// Time between frames where the stream says none: 15 frames/s.
+const PERIOD_NS: u64 = 66_666_667;
 
 /// A stream of frames.
 #[derive(Debug)]
@@ -51,15 +53,16 @@ pub struct Y4mReader<R> {
     width: usize,
     height: usize,
     chroma: usize,
+    period_ns: u64,
 }
 
 impl<R: BufRead> Y4mReader<R> {
     /// Reads the header.
     ///
     /// # Errors
-    /// [`Y4mError`]: no Y4M header, a size out of 1 to 16384, or a colour space other than mono and 8-bit 4:2:0.
+    /// [`Y4mError`]: no Y4M header, a size out of 1 to 16384, or a colour space that is not of 8 bits.
     pub fn new(source: R) -> Result<Self, Y4mError> {
-        let mut reader = Self { source, offset: 0, frames: 0, width: 0, height: 0, chroma: 0 };
+        let mut reader = Self { source, offset: 0, frames: 0, width: 0, height: 0, chroma: 0, period_ns: PERIOD_NS };
         let line = reader.line("YUV4MPEG2 and its parameters")?.unwrap_or_default();
         let mut offset = 0;
         let mut colour = (0, "C420");
@@ -72,6 +75,7 @@ impl<R: BufRead> Y4mReader<R> {
                 (_, Some('W')) => reader.width = edge(rest).ok_or_else(|| refuse("a width of 1 to 16384"))?,
                 (_, Some('H')) => reader.height = edge(rest).ok_or_else(|| refuse("a height of 1 to 16384"))?,
                 (_, Some('C')) => colour = (offset, word),
+                (_, Some('F')) => reader.period_ns = period(rest).ok_or_else(|| refuse("a frame rate as 15:1"))?,
                 _ => {}
             }
             offset += word.len() as u64 + 1;
@@ -80,13 +84,11 @@ impl<R: BufRead> Y4mReader<R> {
         if width == 0 || height == 0 {
             return Err(Y4mError::Syntax { offset: 0, found: shortened(&line), expected: "a width (W) and a height (H)" });
         }
-        reader.chroma = match colour.1 {
-            "Cmono" => 0,
-            "C420" | "C420jpeg" | "C420mpeg2" | "C420paldv" => 2 * width.div_ceil(2) * height.div_ceil(2),
-            other => {
-                return Err(Y4mError::Syntax { offset: colour.0, found: shortened(other), expected: "colour space mono or 8-bit 420" });
-            }
-        };
+        reader.chroma = chroma(colour.1, width, height).ok_or_else(|| Y4mError::Syntax {
+            offset: colour.0,
+            found: shortened(colour.1),
+            expected: "8-bit mono, 411, 420, 422, 440 or 444",
+        })?;
         Ok(reader)
     }
 
@@ -100,6 +102,18 @@ impl<R: BufRead> Y4mReader<R> {
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
+    }
+
+    /// Time from one frame to the next, ns.
+    #[must_use]
+    pub fn period_ns(&self) -> u64 {
+        self.period_ns
+    }
+
+    /// Bytes read so far.
+    #[must_use]
+    pub fn offset(&self) -> u64 {
+        self.offset
     }
 
     /// Reads the luminance of the next frame into `luma`, width × height bytes; false at the end of the stream.
@@ -143,6 +157,30 @@ impl<R: BufRead> Y4mReader<R> {
         }
         let text = String::from_utf8_lossy(&line).into_owned();
         text.strip_suffix('\n').map(|t| Some(t.to_owned())).ok_or(Y4mError::Syntax { offset: start, found: shortened(&text), expected })
+    }
+}
+
+/// Bytes of a frame that follow its luminance; `None` for a colour space that is not of 8 bits or not known.
+fn chroma(colour: &str, width: usize, height: usize) -> Option<usize> {
+    match colour {
+        "Cmono" => Some(0),
+        "C420" | "C420jpeg" | "C420mpeg2" | "C420paldv" => Some(2 * width.div_ceil(2) * height.div_ceil(2)),
+        "C411" => Some(2 * width.div_ceil(4) * height),
+        "C422" => Some(2 * width.div_ceil(2) * height),
+        "C440" => Some(2 * width * height.div_ceil(2)),
+        "C444" => Some(2 * width * height),
+        "C444alpha" => Some(3 * width * height),
+        _ => None,
+    }
+}
+
+/// From frames per second as `15:1`; 0:0 says that the rate is not known.
+fn period(text: &str) -> Option<u64> {
+    let (frames, seconds) = text.split_once(':')?;
+    match (frames.parse::<u32>().ok()?, seconds.parse::<u32>().ok()?) {
+        (0, 0) => Some(PERIOD_NS),
+        (0, _) | (_, 0) => None,
+        (frames, seconds) => Some((u64::from(seconds) * 1_000_000_000 / u64::from(frames)).max(1)),
     }
 }
 

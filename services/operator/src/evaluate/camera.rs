@@ -1,0 +1,144 @@
+//! `stillmap evaluate camera`: the masks of a sequence against the truth.
+
+mod album;
+mod sequence;
+
+use crate::cli::CameraOptions;
+use crate::exit::BadInput;
+use crate::{output, progress};
+use album::Album;
+use anyhow::Result;
+use indicatif::MultiProgress;
+use messages::{CameraStatus, FrameLayout, PixelFormat};
+use sbs::plane::Plane;
+use sbs::score::Score;
+use sbs::{Answer, Frame, Refusal, Remark, Settings, State};
+use sequence::Sequence;
+use std::time::Instant;
+
+/// What came of a sequence.
+#[derive(Debug, Default)]
+struct Outcome {
+    score: Score,
+    frames: u64,
+    not_compensated: u64,
+    /// How many frames were refused, and the first of them.
+    refused: u64,
+    refusal: Option<(u64, Refusal)>,
+    /// Time that each frame took, ms.
+    times_ms: Vec<f64>,
+}
+
+/// Scores a sequence and says what came of it; the exit code.
+pub(crate) fn camera(options: &CameraOptions, bars: &MultiProgress) -> Result<u8> {
+    let mut sequence = Sequence::open(&options.frames_file, &options.labels_file)?;
+    let mut album = options.out.as_deref().map(Album::new).transpose()?;
+    let settings = Settings { horizon: options.horizon, method: options.compensation.into(), ..Settings::default() };
+    let bar = progress::of_bytes(bars, sequence.bytes());
+    let outcome = run(&mut sequence, album.as_mut(), settings, options, |offset| bar.set_position(offset));
+    bar.finish_and_clear();
+    let outcome = outcome?;
+    if let Some(album) = album {
+        album.finish()?;
+    }
+    let (first, last) = (options.frames.first, options.frames.last);
+    if outcome.score.frames == 0 {
+        let (path, frames) = (options.labels_file.display(), outcome.frames);
+        return Err(BadInput(format!("{path}: no scored pixel in frames {first} to {last} of {frames}; --frames chooses others")).into());
+    }
+    if options.json {
+        output::line(&json(&outcome).to_string())?
+    } else {
+        output::write(&text(&outcome, options))?
+    }
+    Ok(0)
+}
+
+fn run(
+    sequence: &mut Sequence,
+    mut album: Option<&mut Album>,
+    settings: Settings,
+    options: &CameraOptions,
+    progress: impl Fn(u64),
+) -> Result<Outcome> {
+    let (mut state, mut outcome) = (State::new(settings), Outcome::default());
+    let (width, height) = sequence.size();
+    let layout = FrameLayout { width: width as u32, height: height as u32, stride: width as u32, format: PixelFormat::Grey as u32 };
+    while let Some(pair) = sequence.next()? {
+        let number = outcome.frames;
+        let stamp_ns = (number + 1) * sequence.period_ns();
+        let begin = Instant::now();
+        let answer = state.step(&Frame { stamp_ns, layout, bytes: pair.frame.values(), odometry: None });
+        let mask = state.mask();
+        outcome.times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        let mask = outcome.note(&answer, mask).unwrap_or_else(|| Plane::filled(width, height, 0));
+        if (options.frames.first..=options.frames.last).contains(&number) {
+            outcome.score.add(&mask, &pair.truth);
+            if let Some(album) = &mut album {
+                album.add(number, stamp_ns, [&pair.frame, &mask, &pair.truth])?;
+            }
+        }
+        progress(sequence.offset());
+    }
+    Ok(outcome)
+}
+
+impl Outcome {
+    /// Counts an answer. Gives the mask that it stands for: none of a frame that was refused.
+    fn note(&mut self, answer: &Answer, mask: Option<Plane<u8>>) -> Option<Plane<u8>> {
+        let number = self.frames;
+        self.frames += 1;
+        self.not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
+        if let Remark::Refused(refusal) = &answer.remark {
+            self.refused += 1;
+            self.refusal.get_or_insert((number, refusal.clone()));
+            return None;
+        }
+        mask
+    }
+
+    /// The median: the machine may be busy with other things.
+    fn ms_per_frame(&self) -> f64 {
+        let mut times = self.times_ms.clone();
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or_default()
+    }
+}
+
+fn json(outcome: &Outcome) -> serde_json::Value {
+    let score = &outcome.score;
+    serde_json::json!({
+        "f1": score.f1(),
+        "precision": score.precision(),
+        "recall": score.recall(),
+        "false_blobs_per_frame": score.false_blobs_per_frame(),
+        "shadow_as_foreground": score.shadow_as_foreground(),
+        "ms_per_frame": outcome.ms_per_frame(),
+        "frames": outcome.frames,
+        "frames_scored": score.frames,
+        "frames_not_compensated": outcome.not_compensated,
+        "frames_refused": outcome.refused,
+    })
+}
+
+fn text(outcome: &Outcome, options: &CameraOptions) -> String {
+    let score = &outcome.score;
+    let mut lines = vec![
+        format!("frames       {} of {}, {} scored", options.frames, outcome.frames, score.frames),
+        format!("f1           {:.3}: precision {:.3}, recall {:.3}", score.f1(), score.precision(), score.recall()),
+        format!("false blobs  {:.3} a frame", score.false_blobs_per_frame()),
+        format!("shadow       {:.3} of its {} pixels called foreground", score.shadow_as_foreground(), score.shadow),
+        format!("time         {:.2} ms a frame, the median", outcome.ms_per_frame()),
+    ];
+    if outcome.not_compensated > 0 {
+        lines.push(format!("motion       not compensated in {} frames", outcome.not_compensated));
+    }
+    if let Some((number, refusal)) = &outcome.refusal {
+        lines.push(format!("refused      {} frames, the first is {number}: {refusal}", outcome.refused));
+    }
+    if let Some(out) = &options.out {
+        lines.push(format!("pictures     {}", out.display()));
+    }
+    lines.push(String::new());
+    lines.join("\n")
+}
