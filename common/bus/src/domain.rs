@@ -13,7 +13,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
 use messages::{
     CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
-    TruthScan, TruthSurfaces, WayChunk,
+    TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
 };
 use rustix::fs::{FlockOperation, flock};
 
@@ -142,6 +142,8 @@ impl Domain {
         hold::<SonarMotion>(&fabric, &mut services)?;
         hold::<CameraMotion>(&fabric, &mut services)?;
         hold::<FilterVerdict>(&fabric, &mut services)?;
+        hold::<VerdictOutlook>(&fabric, &mut services)?;
+        hold::<Walkers>(&fabric, &mut services)?;
         hold::<MapTile>(&fabric, &mut services)?;
         hold::<WayChunk>(&fabric, &mut services)?;
         hold::<MapSummary>(&fabric, &mut services)?;

@@ -48,7 +48,13 @@ mirror! {
     UpdateRegion { x_m: f64, y_m: f64, cells: f64 }
 
     /// The final answer on the scan of the same number; bit i of withheld: reading i puts no occupied cell into the map.
-    FilterVerdict { withheld: u32, inputs: u32; regions[count]: messages::UpdateRegion }
+    FilterVerdict { withheld: u32, inputs: u32, action: u32; regions[count]: messages::UpdateRegion }
+
+    /// A walker who is followed, in the map frame.
+    TrackedWalker { x_m: f64, y_m: f64, velocity_x_m_s: f64, velocity_y_m_s: f64, track: u64 }
+
+    /// The walkers that are followed at the time of the scan of the same number.
+    Walkers { ; walkers[count]: messages::TrackedWalker }
 
     /// A piece of the robot's way, in the map frame, m.
     WayChunk { first: u64, total: u64; points_m[count]: [f32; 2] }

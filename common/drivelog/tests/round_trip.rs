@@ -5,7 +5,7 @@ mod payloads;
 
 use messages::{
     CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
-    TruthScan, TruthSurfaces, WayChunk,
+    TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
 use proptest::prelude::*;
 use stillmap_drivelog::{Entry, Log, Logged, Recording};
@@ -32,6 +32,7 @@ every_payload! {
     sonar_motion: SonarMotion,
     camera_motion: CameraMotion,
     filter_verdict: FilterVerdict,
+    walkers: Walkers,
     map_tile: MapTile,
     way_chunk: WayChunk,
     map_summary: MapSummary,

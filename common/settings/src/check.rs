@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::{BuiltIn, Fault, Pace, Port, Program, Settings};
+use crate::{BuiltIn, Fault, Pace, Port, Program, Provides, Settings};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;
@@ -18,6 +18,7 @@ impl Settings {
         self.check_processes()?;
         self.check_source()?;
         self.check_lists()?;
+        self.check_verdicts()?;
         let (first, last) = (self.supervisor.backoff_first_s.get(), self.supervisor.backoff_last_s.get());
         if first > last {
             return Err(Fault::new("supervisor.backoff_first_s", format!("at most backoff_last_s, which is {last} s")));
@@ -76,6 +77,26 @@ impl Settings {
         }
         if self.pace == Pace::Lockstep && (self.runs(BuiltIn::Pioneer) || self.runs(BuiltIn::Simulator)) {
             return Err(Fault::new("pace", "\"live\", for a robot waits for nobody"));
+        }
+        Ok(())
+    }
+
+    /// Who waits for verdicts or for camera motion has somebody to wait for, and none are given in vain.
+    fn check_verdicts(&self) -> Result<(), Fault> {
+        let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
+        let (std, fti) = (self.runs(BuiltIn::Std), self.runs(BuiltIn::Fti));
+        if fti && !self.mapping.expect_verdicts {
+            return Err(Fault::new("mapping.expect_verdicts", "true, since a process runs \"fti\""));
+        }
+        if self.mapping.expect_verdicts && !fti && !foreign {
+            return Err(Fault::new("mapping.expect_verdicts", "false, or else a process with run = \"fti\""));
+        }
+        if fti && !std && !foreign {
+            return Err(Fault::new("process", "a process with run = \"std\" beside \"fti\", which waits for its answers"));
+        }
+        let pretended = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
+        if fti && self.fti.expect_camera && !(pretended || self.runs(BuiltIn::Playback) || foreign) {
+            return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Supervisor};
+use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Std, Supervisor};
 
 /// What sets the pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -40,6 +40,9 @@ pub struct Settings {
     /// `[robot]`: the robot's body and sonars.
     #[serde(default)]
     pub robot: Robot,
+    /// `[camera]`: the camera on the robot.
+    #[serde(default)]
+    pub camera: Camera,
     /// `[pioneer]`: the driver of a robot that speaks the PSOS or P2OS protocol.
     #[serde(default)]
     pub pioneer: Pioneer,
@@ -49,6 +52,12 @@ pub struct Settings {
     /// `[mapping]`: the fuzzy-tuned grid map.
     #[serde(default)]
     pub mapping: Mapping,
+    /// `[std]`: sonar temporal difference.
+    #[serde(default)]
+    pub std: Std,
+    /// `[fti]`: fuzzy-tuned integration.
+    #[serde(default)]
+    pub fti: Fti,
     /// `[recorder]`: the log of a run.
     #[serde(default)]
     pub recorder: Recorder,
@@ -71,9 +80,12 @@ impl Default for Settings {
             process: Vec::new(),
             supervisor: Supervisor::default(),
             robot: Robot::default(),
+            camera: Camera::default(),
             pioneer: Pioneer::default(),
             simulator: Simulator::default(),
             mapping: Mapping::default(),
+            std: Std::default(),
+            fti: Fti::default(),
             recorder: Recorder::default(),
             playback: Playback::default(),
         }

@@ -28,11 +28,13 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod bounded;
+mod camera;
 mod check;
 mod deployment;
 mod document;
 mod error;
 mod files;
+mod fti;
 mod located;
 mod mapping;
 mod pioneer;
@@ -43,13 +45,16 @@ mod reference;
 mod robot;
 mod simulator;
 mod supervisor;
+mod temporal_difference;
 mod text;
 
 pub use bounded::OutOfRange;
+pub use camera::{Camera, CameraHeight, FieldOfView, FrameRate, HorizonShare, PictureHeight, PictureWidth};
 pub use check::{MAX_PROCESSES, MAX_SONARS};
 pub use deployment::{Pace, Settings};
 pub use document::{MAX_BYTES, parse, parse_checked, read_text};
 pub use error::{Fault, SettingsError};
+pub use fti::{Action, Correspondence, Cue, Fti, Magnitude, Patience, Readiness, Side, Tables, VerdictRule};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, NoEchoFree,
     OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
@@ -60,8 +65,9 @@ pub use programs::{BuiltIn, Process, Program};
 pub use recorder::{FlushInterval, Recorder};
 pub use reference::{reference, schema};
 pub use robot::{Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar};
-pub use simulator::{Seed, Simulator};
+pub use simulator::{After, HeightError, LengthError, PerPicture, Pixels, Provides, Seed, Share, SimulatedCamera, Simulator};
 pub use supervisor::{
     FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
 };
+pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
 pub use text::{BadText, FileName, Name, Port};

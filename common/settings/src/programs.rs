@@ -13,6 +13,10 @@ pub enum BuiltIn {
     Recorder,
     /// The map's owner.
     Mapping,
+    /// What moves, as the sonars see it.
+    Std,
+    /// Which readings a moving thing caused.
+    Fti,
     /// The driver of a Pioneer.
     Pioneer,
     /// A simulated world with its robot.
@@ -72,6 +76,8 @@ impl BuiltIn {
         match self {
             Self::Recorder => "recorder",
             Self::Mapping => "mapping",
+            Self::Std => "std",
+            Self::Fti => "fti",
             Self::Pioneer => "pioneer",
             Self::Simulator => "simulator",
             Self::Playback => "playback",

@@ -100,8 +100,8 @@ fn unknown_and_missing_keys() {
         "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered, expect_verdicts",
     );
     check(
-        "[camera]\n",
-        "demo.toml:8: camera: unknown key, expected one of name, pace, out, process, robot, pioneer, mapping, recorder, simulator, playback, supervisor",
+        "[lidar]\n",
+        "demo.toml:8: lidar: unknown key, expected one of std, name, pace, out, robot, camera, pioneer, fti, simulator, recorder, playback, process, mapping, supervisor",
     );
     check("[[robot.sonar]]\nx_m = 0.1\n", "demo.toml:8: robot.sonar[0].y_m: missing, expected this key");
     check("[[process]]\nrun = \"recorder\"", "demo.toml:8: process[2].name: missing, expected this key");

@@ -74,7 +74,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
 fn consumers(settings: &Settings) -> impl Iterator<Item = Consumer> {
     settings.process.iter().filter_map(|process| {
         let ends_itself = match process.program {
-            Program::BuiltIn(BuiltIn::Mapping) => true,
+            Program::BuiltIn(BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti) => true,
             Program::BuiltIn(BuiltIn::Recorder) => false,
             Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) | Program::Command(_) => return None,
         };

@@ -11,12 +11,10 @@ use rand_chacha::ChaCha8Rng;
 use crate::chance::{normal, of_frame};
 use crate::geometry::{Ray, Vector};
 use crate::journey::{Journey, Turning, Waypoint};
+use crate::simulation::STANDSTILL_NS;
 use crate::still::Still;
 use crate::walker::Walker;
 use crate::world::{MAX_WALKERS, World};
-
-/// Time from one frame to the next: 15 a second.
-pub const FRAME_INTERVAL_NS: u64 = 66_666_667;
 
 /// Height of a walker, m.
 const HEIGHT_M: f64 = 1.7;
@@ -50,6 +48,24 @@ pub struct Optics {
     pub horizon_share: f64,
     /// Width and height of the picture, px.
     pub size_px: [u32; 2],
+    /// Time from one frame to the next, ns.
+    pub interval_ns: u64,
+}
+
+impl Optics {
+    /// The camera that a deployment has.
+    #[must_use]
+    pub fn of_settings(camera: &settings::Camera) -> Self {
+        let yaw_rad = camera.heading_deg.get().to_radians();
+        Self {
+            mount: Pose { x_m: camera.x_m.get(), y_m: camera.y_m.get(), yaw_rad },
+            height_m: camera.height_m.get(),
+            field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
+            horizon_share: camera.horizon_share.get(),
+            size_px: [camera.width.get(), camera.height.get()],
+            interval_ns: (1e9 / camera.rate_hz.get()).round() as u64,
+        }
+    }
 }
 
 /// How often, and how far, background subtraction fails.
@@ -87,19 +103,27 @@ impl Failings {
     };
 }
 
+impl Failings {
+    /// The failings that a deployment asks for.
+    #[must_use]
+    pub fn of_settings(camera: &settings::SimulatedCamera) -> Self {
+        Self {
+            missed: camera.missed.get(),
+            fragments: camera.fragments.get(),
+            false_blobs: camera.false_blobs.get(),
+            fades_after_s: camera.fades_after_s.get(),
+            edge_px: camera.edge_px.get(),
+            focal_share: camera.focal_error.get(),
+            horizon_px: camera.horizon_error_px.get(),
+            height_m: camera.height_error_m.get(),
+        }
+    }
+}
+
 impl Default for Failings {
     /// What background subtraction on a driving robot is taken to do.
     fn default() -> Self {
-        Self {
-            missed: 0.08,
-            fragments: 0.15,
-            false_blobs: 0.2,
-            fades_after_s: 0.8,
-            edge_px: 1.0,
-            focal_share: 0.03,
-            horizon_px: 2.0,
-            height_m: 0.03,
-        }
+        Self::of_settings(&settings::SimulatedCamera::default())
     }
 }
 
@@ -111,6 +135,7 @@ pub struct Blobs {
     journey: Journey,
     mount: Pose,
     size_px: [f64; 2],
+    interval_ns: u64,
     focal_px: f64,
     horizon_px: f64,
     height_m: f64,
@@ -148,9 +173,10 @@ impl Blobs {
             still: Still::of(world),
             moved_s: vec![0.0; walkers.len()],
             walkers,
-            journey: Journey::new(0.0, start, world.robot.speed_m_s.get(), turning, &waypoints),
+            journey: Journey::new(STANDSTILL_NS as f64 * 1e-9, start, world.robot.speed_m_s.get(), turning, &waypoints),
             mount: optics.mount,
             size_px,
+            interval_ns: optics.interval_ns,
             focal_px: size_px[0] / 2.0 / (optics.field_of_view_rad / 2.0).tan() * (1.0 + towards(0) * failings.focal_share),
             horizon_px: optics.horizon_share * size_px[1] + towards(1) * failings.horizon_px,
             height_m: optics.height_m + towards(2) * failings.height_m,
@@ -161,9 +187,9 @@ impl Blobs {
         }
     }
 
-    /// The next frame: its time since the start, ns, and what moves in it; `None` at the end of the way.
+    /// The next frame: its time since the start, ns, and what moves in it; `None` when the drive is over.
     pub fn next_frame(&mut self) -> Option<(u64, CameraMotion)> {
-        let stamp_ns = (self.frames + 1) * FRAME_INTERVAL_NS;
+        let stamp_ns = (self.frames + 1) * self.interval_ns;
         let time_s = stamp_ns as f64 * 1e-9;
         if time_s > self.journey.end_s() {
             return None;
@@ -334,11 +360,12 @@ mod tests {
         field_of_view_rad: std::f64::consts::FRAC_PI_2,
         horizon_share: 0.5,
         size_px: [160, 120],
+        interval_ns: 66_666_667,
     };
 
     /// The frames of a robot that stands for ten seconds and looks along x, past this wall, at somebody on this way.
     fn frames(wall: &str, walker: &str, failings: &Failings, seed: u64) -> Vec<CameraMotion> {
-        let text = format!("wall = [{wall}]\nwalker = [{walker}]\n[robot]\nstart_m = [0, 0]\nway = [{{ to_m = [0, 0], stop_s = 10 }}]\n");
+        let text = format!("wall = [{wall}]\nwalker = [{walker}]\n[robot]\nstart_m = [0, 0]\nway = [{{ to_m = [0, 0], stop_s = 9 }}]\n");
         let mut blobs = Blobs::new(&settings::parse("test", &text).unwrap(), &OPTICS, failings, seed);
         std::iter::from_fn(|| blobs.next_frame()).map(|(_, motion)| motion).collect()
     }

@@ -22,6 +22,7 @@ mod config_packet;
 mod drive_state;
 mod geometry;
 mod journey;
+mod motion_feed;
 mod odometry;
 mod process;
 pub mod quantity;

@@ -10,6 +10,7 @@ use settings::{Settings, SettingsError};
 
 use crate::body::Body;
 use crate::drive_state::DriveState;
+use crate::motion_feed::MotionFeed;
 use crate::robot_end::RobotEnd;
 use crate::simulation::{PACKET_INTERVAL_NS, Simulation};
 use crate::terminal::Terminal;
@@ -71,7 +72,13 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
     let terminal = Terminal::open(port.clone()).map_err(|source| SimulatorError::Terminal { path: port.display().to_string(), source })?;
     let mut surfaces = shell.writer()?;
     publish_surfaces(&mut surfaces, &simulation)?;
+    let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;
+    let camera = match MotionFeed::is_wanted(settings) {
+        true => Some(MotionFeed::new(&world, settings, shell.writer()?, driven_ns)),
+        false => None,
+    };
     let mut process = Process {
+        camera,
         robot: RobotEnd::new(&body, settings.robot.odometry_modulus.get(), simulation.odometry()),
         truth: shell.writer()?,
         speed: shell.membership().speed(),
@@ -102,6 +109,7 @@ struct Process {
     robot: RobotEnd,
     terminal: Terminal,
     truth: Writer<TruthScan>,
+    camera: Option<MotionFeed>,
     checkpoint: Checkpoint,
     state: DriveState,
     clock: WorldClock,
@@ -118,6 +126,9 @@ impl bus::Process for Process {
         let next = if context.stopping() { Next::Finished } else { self.go_on(context.now_ns())? };
         if next == Next::Finished {
             self.truth.end(self.state.sent, self.stamp_ns)?;
+            if let Some(camera) = &mut self.camera {
+                camera.end()?;
+            }
         }
         self.report(context);
         Ok(next)
@@ -150,13 +161,19 @@ impl Process {
         }
     }
 
-    /// Makes the packets that are due.
+    /// Makes the packets and frames that are due, in the order of their times.
     fn drive(&mut self, now_ns: u64, start_ns: u64) -> Result<Next, StepError> {
         for _ in 0..CATCH_UP_PACKETS {
             let due_ns = start_ns + (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
-            if due_ns > now_ns {
-                let wait_s = (due_ns - now_ns) as f64 * 1e-9 / self.speed;
+            let frame_ns = self.camera.as_ref().and_then(MotionFeed::due_ns).map_or(u64::MAX, |frame_ns| start_ns + frame_ns);
+            let next_ns = due_ns.min(frame_ns);
+            if next_ns > now_ns {
+                let wait_s = (next_ns - now_ns) as f64 * 1e-9 / self.speed;
                 return Ok(Next::WaitAtMost(Duration::from_secs_f64(wait_s)));
+            }
+            if let Some(camera) = self.camera.as_mut().filter(|_| frame_ns <= due_ns) {
+                camera.send(start_ns)?;
+                continue;
             }
             if !self.make_packet(due_ns)? {
                 let farewell_ns = (FAREWELL.as_nanos() as f64 * self.speed) as u64;

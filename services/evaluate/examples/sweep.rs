@@ -35,14 +35,7 @@ fn main() -> Result<(), Error> {
     let verbose = options.contains_key("verbose");
     let settings = settings::Mapping::default();
     let body = Body::of_settings(&settings::Robot::default());
-    let camera = fti::Camera::default();
-    let optics = Optics {
-        mount: camera.mount,
-        height_m: camera.height_m,
-        field_of_view_rad: camera.field_of_view_rad,
-        horizon_share: camera.horizon_share,
-        size_px: [160, 120],
-    };
+    let optics = Optics::of_settings(&settings::Camera::default());
     let default = Failings::default();
     let failings = if rule == "paper" || rule == "ideal" {
         Failings::NONE

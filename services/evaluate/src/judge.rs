@@ -62,7 +62,7 @@ pub fn filter(drive: &Drive, filter: &Filter) -> Result<Outcome, FilterError> {
         collect(&mut outcome, fti.step(fti::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan }));
         collect(&mut outcome, fti.step(fti::Input::Sonar { seq: *seq, motion: &motion }));
         outcome.motions.push(motion);
-        outcome.tracks_m.push(fti.walkers_m());
+        outcome.tracks_m.push(fti.walkers().walkers().iter().map(|walker| [walker.x_m, walker.y_m]).collect());
     }
     collect(&mut outcome, fti.step(fti::Input::CameraEnded));
     collect(&mut outcome, fti.step(fti::Input::ScansEnded));

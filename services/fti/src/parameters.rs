@@ -4,26 +4,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use grid::{CellSize, CellSizeError};
 use messages::Pose;
+use settings::{Pace, Settings};
 
-use crate::tables::Tables;
-
-/// What decides about a reading.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rule {
-    /// The likelihood ratio of a walker against something that stands there, with everything seen until the horizon.
-    Likelihood,
-    /// As printed (Table 6): its arc enters the update region of a corresponding pair.
-    Paper,
-}
-
-/// How the place of a blob is read off the picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cue {
-    /// From its foot on the floor, by the camera's rough numbers.
-    Ground,
-    /// As printed: its row and column, scaled linearly to the sonar cone.
-    Paper,
-}
+use crate::{Action, Cue, Rule, Tables};
 
 /// The camera, roughly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,6 +45,8 @@ pub struct Parameters {
     pub rule: Rule,
     /// How a blob's place is read off the picture.
     pub cue: Cue,
+    /// What becomes of a place where something moves.
+    pub action: Action,
     /// Farthest distance of a blob and a moving class that are one object (σ_correspond), m.
     pub correspond_m: f64,
     /// How ready the verdict is to withhold (w_0): 0 is careful.
@@ -72,6 +57,20 @@ pub struct Parameters {
     pub patience: Patience,
     /// Tables 3 to 5.
     pub tables: Tables,
+}
+
+impl Camera {
+    /// The camera that a deployment has.
+    #[must_use]
+    pub fn of_settings(camera: &settings::Camera) -> Self {
+        let yaw_rad = camera.heading_deg.get().to_radians();
+        Self {
+            mount: Pose { x_m: camera.x_m.get(), y_m: camera.y_m.get(), yaw_rad },
+            height_m: camera.height_m.get(),
+            field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
+            horizon_share: camera.horizon_share.get(),
+        }
+    }
 }
 
 impl Default for Camera {
@@ -89,6 +88,7 @@ impl Default for Parameters {
             horizon_s: 3.0,
             rule: Rule::Likelihood,
             cue: Cue::Ground,
+            action: Action::Withhold,
             correspond_m: 0.5,
             readiness: 0.5,
             camera: Some(Camera::default()),
@@ -117,6 +117,29 @@ pub enum ParametersError {
 }
 
 impl Parameters {
+    /// The parameters that the settings of a deployment mean.
+    #[must_use]
+    pub fn of_settings(settings: &Settings) -> Self {
+        let Settings { fti, mapping, robot, .. } = settings;
+        Self {
+            cell_m: mapping.cell_m.get(),
+            half_beam_rad: mapping.half_beam_deg.get().to_radians(),
+            range_limit_m: robot.range_limit_m.get(),
+            horizon_s: mapping.horizon_s.get(),
+            rule: fti.rule,
+            cue: fti.cue,
+            action: fti.action,
+            correspond_m: fti.correspond_m.get(),
+            readiness: fti.readiness.get(),
+            camera: fti.expect_camera.then(|| Camera::of_settings(&settings.camera)),
+            patience: match settings.pace {
+                Pace::Live => Patience::Seconds(fti.patience_s.get()),
+                Pace::Lockstep => Patience::Endless,
+            },
+            tables: fti.tables.clone(),
+        }
+    }
+
     /// Checks what the types do not.
     pub(crate) fn check(&self) -> Result<CellSize, ParametersError> {
         within("cell_m", self.cell_m, 0.005, 1.0, "0.005 to 1 m")?;

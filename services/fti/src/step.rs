@@ -4,7 +4,10 @@ use std::collections::VecDeque;
 
 use beam::Beam;
 use grid::{CellSize, Lattice};
-use messages::{FilterVerdict, MAX_REGIONS, Payload, Pose, SonarScan};
+use messages::{
+    FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, OutlookScan, Payload, Pose, SonarScan, TrackedWalker, VerdictOutlook,
+    Walkers,
+};
 use nalgebra::{Matrix2, Vector2};
 use tracking::Motion;
 
@@ -18,7 +21,7 @@ use crate::streams::{Frame, Input, Streams, Waiting};
 use crate::tables::{Integration, Ranges, Seen};
 use crate::tracks::{Tracks, in_view};
 use crate::verdict::{presences, still, walker, weight};
-use crate::{Camera, Parameters, ParametersError, Rule};
+use crate::{Action, Camera, Parameters, ParametersError, Rule};
 
 /// Radius of the floor that the robot itself takes, m.
 const ROBOT_RADIUS_M: f64 = 0.2;
@@ -44,6 +47,14 @@ pub struct Verdict {
     pub verdict: FilterVerdict,
     /// Why, for each reading in order.
     pub grounds: Vec<Grounds>,
+}
+
+/// What the pending readings say as evidence, scan by scan.
+struct Weighed {
+    /// T of each reading.
+    odds: Vec<Vec<f64>>,
+    /// How much each counts as a hit.
+    weights: Vec<Vec<f64>>,
 }
 
 /// The two sides of the likelihood ratio.
@@ -93,22 +104,66 @@ impl Fti {
 
     /// Takes one input; the verdicts that have become due, in the order of the scans.
     pub fn step(&mut self, input: Input<'_>) -> Vec<Verdict> {
-        self.streams.take_in(input);
+        self.take(input);
         let mut verdicts = Vec::new();
-        while let Some((scan, frames)) = self.streams.next(self.parameters.patience, self.parameters.camera.is_some()) {
-            self.integrate(&scan, &frames, &mut verdicts);
-        }
-        if self.streams.ended() {
-            self.decide_until(u64::MAX, &mut verdicts);
-        }
+        while self.advance(&mut verdicts) {}
         verdicts
     }
 
-    /// The certain walkers at the last scan, x and y in the map frame, m.
+    /// Takes one input in; what can be done with it is left to [`Self::advance`].
+    pub fn take(&mut self, input: Input<'_>) {
+        self.streams.take_in(input);
+    }
+
+    /// Integrates the next scan if all that belongs to it is there or waited for no longer, and adds the verdicts that have
+    /// become due; false when there is none. After the last scan everything that is pending is decided.
+    pub fn advance(&mut self, verdicts: &mut Vec<Verdict>) -> bool {
+        if let Some((scan, frames)) = self.streams.next(self.parameters.patience, self.parameters.camera.is_some()) {
+            self.integrate(&scan, &frames, verdicts);
+            return true;
+        }
+        if self.streams.ended() {
+            self.decide_until(u64::MAX, verdicts);
+        }
+        false
+    }
+
+    /// Whether no more scans will come and every verdict has been given.
     #[must_use]
-    pub fn walkers_m(&self) -> Vec<[f64; 2]> {
+    pub fn is_over(&self) -> bool {
+        self.streams.ended() && self.pending.is_empty()
+    }
+
+    /// The walkers that are followed at the last scan that was integrated: those who are certain.
+    #[must_use]
+    pub fn walkers(&self) -> Walkers {
+        let mut message = Walkers::default();
         let certain = self.tracks.tracks.iter().filter(|track| track.ended_ns.is_none() && track.confirmed());
-        certain.map(|track| track.motion.place_m().into()).collect()
+        for (slot, track) in message.walkers.iter_mut().zip(certain) {
+            let ([x_m, y_m], [velocity_x_m_s, velocity_y_m_s]) = (track.motion.place_m().into(), track.motion.velocity_m_s().into());
+            *slot = TrackedWalker { x_m, y_m, velocity_x_m_s, velocity_y_m_s, track: track.id };
+            message.count += 1;
+        }
+        message
+    }
+
+    /// The last scan that was integrated: its number and time; the verdict on it comes a horizon later.
+    #[must_use]
+    pub fn last_scan(&self) -> Option<(u64, u64)> {
+        self.pending.back().map(|scan| (scan.seq, scan.stamp_ns))
+    }
+
+    /// The verdicts to come as they stand now, on the newest pending scans.
+    #[must_use]
+    pub fn outlook(&self) -> VerdictOutlook {
+        let mut outlook = VerdictOutlook::default();
+        let weighed = self.weigh();
+        let first = self.pending.len().saturating_sub(MAX_OUTLOOK_SCANS);
+        for (slot, (at, scan)) in outlook.scans.iter_mut().zip(self.pending.iter().enumerate().skip(first)) {
+            *slot = OutlookScan { seq: scan.seq, withheld: self.withheld(scan, &self.grounds(&weighed, at)), reserved: 0 };
+            outlook.count += 1;
+        }
+        outlook
     }
 
     /// One scan and the frames since the last one, in the order of the paper: motion by both senses, correspondence, update
@@ -209,32 +264,37 @@ impl Fti {
         if self.pending.front().is_none_or(|scan| scan.stamp_ns > until_ns) {
             return;
         }
-        let walkers: Vec<Smoothed> = self.tracks.tracks.iter().filter_map(Smoothed::of).collect();
         while self.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
-            let grounds = self.weigh_first(&walkers);
+            let grounds = self.grounds(&self.weigh(), 0);
             let Some(scan) = self.pending.pop_front() else { return };
             self.learn(&scan, &grounds);
             verdicts.push(self.answer(&scan, grounds));
         }
     }
 
-    /// Both sides of the ratio for each reading of the first pending scan.
-    fn weigh_first(&self, walkers: &[Smoothed]) -> Vec<Grounds> {
+    /// What each pending reading says as evidence.
+    fn weigh(&self) -> Weighed {
+        let walkers: Vec<Smoothed> = self.tracks.tracks.iter().filter_map(Smoothed::of).collect();
         let limit_m = self.parameters.range_limit_m;
         let of_scan = |scan: &PendingScan| {
-            let present = presences(walkers, scan.stamp_ns);
+            let present = presences(&walkers, scan.stamp_ns);
             scan.readings.iter().map(|reading| walker(reading, &present, limit_m)).collect()
         };
         let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
         let of_scan =
             |(scan, odds): (&PendingScan, &Vec<f64>)| scan.readings.iter().zip(odds).map(|(reading, t)| weight(*t, reading.past)).collect();
-        let weights: Vec<Vec<f64>> = self.pending.iter().zip(&odds).map(of_scan).collect();
-        let Some((scan, odds)) = self.pending.front().zip(odds.first()) else { return Vec::new() };
+        let weights = self.pending.iter().zip(&odds).map(of_scan).collect();
+        Weighed { odds, weights }
+    }
+
+    /// Both sides of the ratio for each reading of a pending scan.
+    fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
+        let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
         let readings = scan.readings.iter().zip(odds).enumerate();
         readings
             .map(|(index, (reading, walker))| Grounds {
                 walker: *walker,
-                still: still(&self.still, &self.pending, &weights, (0, index), &reading.arc),
+                still: still(&self.still, &self.pending, &weighed.weights, (at, index), &reading.arc),
             })
             .collect()
     }
@@ -259,10 +319,18 @@ impl Fti {
             }
     }
 
+    /// Bit i set: reading i of a scan is taken out of the map.
+    fn withheld(&self, scan: &PendingScan, grounds: &[Grounds]) -> u32 {
+        let readings = scan.readings.iter().zip(grounds).enumerate();
+        readings.map(|(index, (reading, grounds))| u32::from(self.withholds(scan, reading, grounds)) << index).sum()
+    }
+
     fn answer(&self, scan: &PendingScan, grounds: Vec<Grounds>) -> Verdict {
         let mut verdict = FilterVerdict { inputs: scan.inputs, ..FilterVerdict::default() };
-        let readings = scan.readings.iter().zip(&grounds).enumerate();
-        verdict.withheld = readings.map(|(index, (reading, grounds))| u32::from(self.withholds(scan, reading, grounds)) << index).sum();
+        match self.parameters.action {
+            Action::Withhold => verdict.withheld = self.withheld(scan, &grounds),
+            Action::Free => verdict.action = FilterAction::Free as u32,
+        }
         for (slot, region) in verdict.regions.iter_mut().zip(&scan.regions).take(MAX_REGIONS) {
             *slot = region.message();
             verdict.count += 1;

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use grid::{CellSize, Lattice, TILE_CELLS, Tile, TileKey};
+use grid::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
+
+use messages::UpdateRegion;
 
 use crate::Parameters;
 use crate::pending::PendingScan;
@@ -47,7 +49,11 @@ impl Layer {
 
     /// Integrates a scan for good.
     pub(crate) fn commit(&mut self, parameters: &Parameters, scan: &PendingScan) {
-        integrate(&mut self.committed, parameters, scan, self.heeds_verdicts);
+        let withheld = if self.heeds_verdicts { scan.withheld() } else { 0 };
+        integrate(&mut self.committed, parameters, scan, withheld);
+        if self.heeds_verdicts {
+            scan.freed().iter().for_each(|region| set_free(&mut self.committed, region, -parameters.l_max));
+        }
     }
 
     /// Makes what is shown anew where it may have changed.
@@ -59,7 +65,8 @@ impl Layer {
                     top.set_tile(key, self.committed.tile(key).unwrap_or(&UNKNOWN));
                 }
             }
-            integrate(&mut top, parameters, scan, self.heeds_verdicts);
+            let withheld = if self.heeds_verdicts { scan.withheld_so_far() } else { 0 };
+            integrate(&mut top, parameters, scan, withheld);
         }
         self.settled.extend(self.committed.take_changed());
         for key in std::mem::take(&mut self.settled) {
@@ -97,8 +104,27 @@ impl Layer {
     }
 }
 
-fn integrate(lattice: &mut Lattice<f32>, parameters: &Parameters, scan: &PendingScan, heeds_verdicts: bool) {
+/// Bit i of `withheld` set: reading i leaves its occupied part out.
+fn integrate(lattice: &mut Lattice<f32>, parameters: &Parameters, scan: &PendingScan, withheld: u32) {
     for (index, beam) in scan.beams().enumerate() {
-        beam.integrate(lattice, parameters, heeds_verdicts && scan.withholds(index));
+        beam.integrate(lattice, parameters, withheld & (1 << index) != 0);
+    }
+}
+
+/// Gives the cells of a region, a disc of as many cells as its size says, these log-odds: what is known of them before is
+/// wrong. Cells nothing is known of stay so.
+fn set_free(lattice: &mut Lattice<f32>, region: &UpdateRegion, log_odds: f32) {
+    let cell = lattice.cell_size();
+    let radius_m = (region.cells.max(0.0) / std::f64::consts::PI).sqrt() * cell.metres();
+    let (from, to) =
+        (cell.cell_at(region.x_m - radius_m, region.y_m - radius_m), cell.cell_at(region.x_m + radius_m, region.y_m + radius_m));
+    for row in from.row..=to.row {
+        for column in from.column..=to.column {
+            let place = Cell { row, column };
+            let away_m = (cell.centre_of(column) - region.x_m).hypot(cell.centre_of(row) - region.y_m);
+            if away_m <= radius_m && lattice.get(place) != 0.0 {
+                lattice.set(place, log_odds);
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, WayChunk};
+use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, VerdictOutlook, WayChunk};
 
 use grid::TileKey;
 
@@ -10,7 +10,7 @@ use crate::Parameters;
 use crate::digest::digest;
 use crate::layer::Layer;
 use crate::parameters::CommitRule;
-use crate::pending::PendingScan;
+use crate::pending::{Decision, PendingScan};
 use crate::way::Way;
 
 /// Most verdicts that are kept for scans still to come.
@@ -35,6 +35,8 @@ pub enum Input<'a> {
         /// Which readings are withheld.
         verdict: &'a FilterVerdict,
     },
+    /// The verdicts to come as they stand: they count in what is shown until the final ones are there.
+    Outlook(&'a VerdictOutlook),
     /// Neither scans nor verdicts are to come: what is pending is integrated as it stands.
     End,
 }
@@ -132,7 +134,7 @@ pub struct Mapper {
     /// Scans within the horizon, in their order.
     pub(crate) pending: VecDeque<PendingScan>,
     /// Verdicts on scans still to come.
-    pub(crate) early: BTreeMap<u64, u32>,
+    pub(crate) early: BTreeMap<u64, Decision>,
     pub(crate) way: Way,
     /// The last scan taken; all zero before the first.
     pub(crate) last: Mark,
@@ -171,6 +173,7 @@ impl Mapper {
                 let now_ns = self.last.stamp_ns;
                 self.commit_while(|rule, scan| decided(rule, scan, now_ns));
             }
+            Input::Outlook(outlook) => self.take_outlook(outlook),
             Input::End => self.commit_while(|_, _| true),
         }
         Ok(())
@@ -189,8 +192,8 @@ impl Mapper {
         self.way.visit(&scan.pose);
         // Verdicts on scans that were lost on the way wait for nothing.
         self.early = self.early.split_off(&seq);
-        let withheld = self.early.remove(&seq);
-        self.pending.push_back(PendingScan { seq, stamp_ns, scan: *scan, withheld });
+        let decision = self.early.remove(&seq);
+        self.pending.push_back(PendingScan { seq, stamp_ns, scan: *scan, decision, outlook: 0 });
         Ok(())
     }
 
@@ -207,16 +210,25 @@ impl Mapper {
             if waiting >= MAX_EARLY {
                 return Err(Refused::EarlyVerdict { seq, waiting, last: self.last.seq });
             }
-            self.early.insert(seq, verdict.withheld);
+            self.early.insert(seq, Decision::of(verdict));
             return Ok(());
         }
-        match self.pending.binary_search_by_key(&seq, |scan| scan.seq).map(|at| &mut self.pending[at].withheld) {
+        match self.pending.binary_search_by_key(&seq, |scan| scan.seq).map(|at| &mut self.pending[at].decision) {
             Ok(Some(_)) => Err(Refused::RepeatedVerdict { seq }),
             Ok(undecided) => {
-                *undecided = Some(verdict.withheld);
+                *undecided = Some(Decision::of(verdict));
                 Ok(())
             }
             Err(_) => Err(Refused::LateVerdict { seq, decided: self.pending.front().map_or(self.last.seq, |scan| scan.seq - 1) }),
+        }
+    }
+
+    /// What is integrated for good is not concerned, so that an outlook too early or too late is none.
+    fn take_outlook(&mut self, outlook: &VerdictOutlook) {
+        for expected in outlook.scans() {
+            if let Ok(at) = self.pending.binary_search_by_key(&expected.seq, |scan| scan.seq) {
+                self.pending[at].outlook = expected.withheld;
+            }
         }
     }
 
@@ -232,7 +244,7 @@ impl Mapper {
             self.counts.readings += readings;
             self.counts.withheld += scan.withheld_count();
             let expected = !matches!(self.parameters.commit, CommitRule::Horizon { .. });
-            if expected && scan.withheld.is_none() {
+            if expected && scan.decision.is_none() {
                 self.counts.undecided += readings;
             }
         }
@@ -325,7 +337,7 @@ impl Mapper {
     /// Every verdict up to this place has been taken, or can no longer be.
     #[must_use]
     pub fn decided_up_to(&self) -> u64 {
-        let first_undecided = self.pending.iter().find(|scan| scan.withheld.is_none());
+        let first_undecided = self.pending.iter().find(|scan| scan.decision.is_none());
         first_undecided.map_or(self.last.seq, |scan| scan.seq - 1)
     }
 
@@ -349,7 +361,7 @@ fn decided(rule: CommitRule, scan: &PendingScan, now_ns: u64) -> bool {
     let is_past = |after_ns: u64| now_ns >= scan.stamp_ns.saturating_add(after_ns);
     match rule {
         CommitRule::Horizon { horizon_ns } => is_past(horizon_ns),
-        CommitRule::Verdict => scan.withheld.is_some(),
-        CommitRule::VerdictOrDeadline { deadline_ns } => scan.withheld.is_some() || is_past(deadline_ns),
+        CommitRule::Verdict => scan.decision.is_some(),
+        CommitRule::VerdictOrDeadline { deadline_ns } => scan.decision.is_some() || is_past(deadline_ns),
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Checkpoint, CheckpointError, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
-use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, WayChunk};
+use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
 use settings::{Pace, Settings};
 
 use crate::export::MapCopy;
@@ -50,10 +50,16 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), MappingError> {
     Ok(shell.run(&mut mapping)?)
 }
 
+/// The verdicts, and what they are expected to be.
+struct Verdicts {
+    given: Reader<FilterVerdict>,
+    outlooks: Reader<VerdictOutlook>,
+}
+
 struct Mapping {
     mapper: Mapper,
     scans: Reader<SonarScan>,
-    verdicts: Option<Reader<FilterVerdict>>,
+    verdicts: Option<Verdicts>,
     tiles: Writer<MapTile>,
     way: Writer<WayChunk>,
     summary: Writer<MapSummary>,
@@ -84,7 +90,7 @@ impl Mapping {
         if settings.mapping.expect_verdicts {
             let mut reader = shell.reader::<FilterVerdict>()?;
             reader.skip_to(mapper.decided_up_to());
-            verdicts = Some(reader);
+            verdicts = Some(Verdicts { given: reader, outlooks: shell.reader()? });
         }
         Ok(Self {
             scans,
@@ -141,7 +147,10 @@ impl Mapping {
 
     fn take_verdict(&mut self) -> Result<bool, StepError> {
         let Some(verdicts) = &mut self.verdicts else { return Ok(false) };
-        match verdicts.take()? {
+        if let Some(Received::Message(outlook)) = verdicts.outlooks.take()? {
+            self.mapper.step(Input::Outlook(&outlook))?;
+        }
+        match verdicts.given.take()? {
             None => return Ok(false),
             Some(Received::Message(verdict)) => {
                 let taken = self.mapper.step(Input::Verdict { seq: verdict.seq(), verdict: &verdict });
@@ -172,7 +181,7 @@ impl Mapping {
         let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
         match &self.verdicts {
             None => true,
-            Some(verdicts) => verdicts.ended() || all_decided || out_of_patience,
+            Some(verdicts) => verdicts.given.ended() || all_decided || out_of_patience,
         }
     }
 

@@ -4,26 +4,27 @@
 //!
 //! | what | how |
 //! | --- | --- |
-//! | name and version | 8 bytes `SMMAP\0\0\1` |
+//! | name and version | 8 bytes `SMMAP\0\0\2` |
 //! | what it was made with | edge of a cell f64, limit of log-odds f32, unfiltered layer kept u32 |
 //! | last scan taken | seq u64, stamp u64 |
 //! | counts | scans, readings, withheld, undecided u64 |
 //! | way | step f64, length f64, count, places 2 × f32 |
-//! | pending scans | count, each: seq u64, stamp u64, decided u32, withheld u32, pose 3 × f64, after gap u32, readings u32, each: mount 3 × f64, range f64, sonar u32, echo u32 |
-//! | early verdicts | count, each: seq u64, withheld u32 |
+//! | pending scans | count, each: seq u64, stamp u64, decision, pose 3 × f64, after gap u32, readings u32, each: mount 3 × f64, range f64, sonar u32, echo u32 |
+//! | early verdicts | count, each: seq u64, decision |
+//! | a decision | kind u32 (0 none, 1 withhold, 2 free), then for 1 the readings u32, for 2 a count u64 of regions, each 3 × f64 |
 //! | layers | one or two, each: count of tiles, each: row i32, column i32, 1024 cells f32 |
 
 use grid::TileKey;
-use messages::{MAX_READINGS, Payload, Pose, SonarReading, SonarScan};
+use messages::{FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, UpdateRegion};
 
 use crate::Parameters;
 use crate::codec::{Decoder, Encode, StateError};
 use crate::layer::Layer;
 use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
-use crate::pending::PendingScan;
+use crate::pending::{Decision, PendingScan};
 use crate::way::{MAX_PLACES, Way};
 
-const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x01";
+const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x02";
 const TILE_BYTES: usize = 8 + 4 * grid::TILE_CELLS;
 const ALL_READINGS: u32 = (1 << MAX_READINGS) - 1;
 
@@ -45,9 +46,9 @@ impl Mapper {
         bytes.put_u64(self.pending.len() as u64);
         self.pending.iter().for_each(|scan| put_pending(&mut bytes, scan));
         bytes.put_u64(self.early.len() as u64);
-        for (seq, withheld) in &self.early {
+        for (seq, decision) in &self.early {
             bytes.put_u64(*seq);
-            bytes.put_u32(*withheld);
+            put_decision(&mut bytes, Some(decision));
         }
         self.layers().for_each(|layer| put_layer(&mut bytes, layer));
         bytes
@@ -71,7 +72,7 @@ impl Mapper {
         mapper.last = Mark { seq: from.u64()?, stamp_ns: from.u64()? };
         mapper.counts = Counts { scans: from.u64()?, readings: from.u64()?, withheld: from.u64()?, undecided: from.u64()? };
         mapper.way = take_way(from)?;
-        for _ in 0..from.count(60)? {
+        for _ in 0..from.count(56)? {
             let scan = take_pending(from)?;
             let after = mapper.pending.back().map_or((0, 0), |before| (before.seq, before.stamp_ns));
             let in_order = scan.seq > after.0 && scan.seq <= mapper.last.seq;
@@ -80,11 +81,11 @@ impl Mapper {
             mapper.pending.push_back(scan);
         }
         for _ in 0..from.count(12)? {
-            let (seq, withheld) = (from.u64()?, from.u32()?);
+            let (seq, decision) = (from.u64()?, take_decision(from)?);
             let in_order = seq > mapper.early.last_key_value().map_or(mapper.last.seq, |(last, _)| *last);
             from.require(in_order && mapper.early.len() < MAX_EARLY, seq, "at most 1024 early verdicts in their order")?;
-            from.require(withheld <= ALL_READINGS, withheld, "a bit for each of 16 readings")?;
-            mapper.early.insert(seq, withheld);
+            let decision = decision.ok_or_else(|| from.error("a verdict that decides nothing".to_owned(), "a decision"))?;
+            mapper.early.insert(seq, decision);
         }
         take_layer(from, &mut mapper.filtered, l_max)?;
         if let Some(unfiltered) = &mut mapper.unfiltered {
@@ -132,8 +133,7 @@ fn take_pose(from: &mut Decoder<'_>) -> Result<Pose, StateError> {
 fn put_pending(bytes: &mut Vec<u8>, pending: &PendingScan) {
     bytes.put_u64(pending.seq);
     bytes.put_u64(pending.stamp_ns);
-    bytes.put_u32(u32::from(pending.withheld.is_some()));
-    bytes.put_u32(pending.withheld.unwrap_or(0));
+    put_decision(bytes, pending.decision.as_ref());
     put_pose(bytes, &pending.scan.pose);
     bytes.put_u32(pending.scan.after_gap);
     bytes.put_u32(pending.scan.readings().len() as u32);
@@ -147,16 +147,53 @@ fn put_pending(bytes: &mut Vec<u8>, pending: &PendingScan) {
 
 fn take_pending(from: &mut Decoder<'_>) -> Result<PendingScan, StateError> {
     let (seq, stamp_ns) = (from.u64()?, from.u64()?);
-    let (decided, withheld) = (from.u32()?, from.u32()?);
-    from.require(decided <= 1, decided, "0 or 1")?;
-    from.require(withheld <= ALL_READINGS * decided, withheld, "a bit for each of 16 readings, none when undecided")?;
+    let decision = take_decision(from)?;
     let mut scan = SonarScan { pose: take_pose(from)?, after_gap: from.u32()?, count: from.u32()?, ..SonarScan::default() };
     from.require(scan.count as usize <= MAX_READINGS, scan.count, "at most 16 readings")?;
     for reading in scan.readings.iter_mut().take(scan.count as usize) {
         *reading = SonarReading { mount: take_pose(from)?, range_m: from.f64()?, sonar: from.u32()?, echo: from.u32()? };
     }
     scan.validate().map_err(|invalid| from.error(invalid.to_string(), "a valid scan"))?;
-    Ok(PendingScan { seq, stamp_ns, scan, withheld: (decided == 1).then_some(withheld) })
+    Ok(PendingScan { seq, stamp_ns, scan, decision, outlook: 0 })
+}
+
+fn put_decision(bytes: &mut Vec<u8>, decision: Option<&Decision>) {
+    match decision {
+        None => bytes.put_u32(0),
+        Some(Decision::Withhold(readings)) => {
+            bytes.put_u32(1);
+            bytes.put_u32(*readings);
+        }
+        Some(Decision::Free(regions)) => {
+            bytes.put_u32(2);
+            bytes.put_u64(regions.len() as u64);
+            for region in regions {
+                [region.x_m, region.y_m, region.cells].iter().for_each(|&number| bytes.put_f64(number));
+            }
+        }
+    }
+}
+
+fn take_decision(from: &mut Decoder<'_>) -> Result<Option<Decision>, StateError> {
+    match from.u32()? {
+        0 => Ok(None),
+        1 => {
+            let readings = from.u32()?;
+            from.require(readings <= ALL_READINGS, readings, "a bit for each of 16 readings")?;
+            Ok(Some(Decision::Withhold(readings)))
+        }
+        2 => {
+            let mut verdict =
+                FilterVerdict { count: from.count(24)? as u32, action: FilterAction::Free as u32, ..FilterVerdict::default() };
+            from.require(verdict.count as usize <= MAX_REGIONS, verdict.count, "at most 8 regions")?;
+            for region in verdict.regions.iter_mut().take(verdict.count as usize) {
+                *region = UpdateRegion { x_m: from.f64()?, y_m: from.f64()?, cells: from.f64()? };
+            }
+            verdict.validate().map_err(|invalid| from.error(invalid.to_string(), "a valid verdict"))?;
+            Ok(Some(Decision::of(&verdict)))
+        }
+        kind => Err(from.error(kind.to_string(), "a kind of decision from 0 to 2")),
+    }
 }
 
 fn put_layer(bytes: &mut Vec<u8>, layer: &Layer) {

@@ -12,6 +12,8 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
     match built_in(kind)? {
         BuiltIn::Recorder => recorder::run(shell, &settings)?,
         BuiltIn::Mapping => mapping::run(shell, &settings)?,
+        BuiltIn::Std => stillmap_std::run(shell, &settings)?,
+        BuiltIn::Fti => fti::run(shell, &settings)?,
         BuiltIn::Pioneer => pioneer::run(shell, &settings)?,
         BuiltIn::Simulator => simulator::run(shell, &settings)?,
         BuiltIn::Playback => playback::run(shell, &settings)?,
@@ -20,7 +22,7 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
 }
 
 fn built_in(word: &str) -> Result<BuiltIn, BadInput> {
-    let all = [BuiltIn::Recorder, BuiltIn::Mapping, BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Playback];
+    let all = [BuiltIn::Recorder, BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti, BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Playback];
     let words = all.map(BuiltIn::word).join(", ");
     all.into_iter().find(|kind| kind.word() == word).ok_or_else(|| BadInput(format!("process {word}: expected one of {words}")))
 }

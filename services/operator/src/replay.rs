@@ -43,7 +43,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     };
     settings.playback.log = log;
     settings.process.retain(|process| match &process.program {
-        Program::BuiltIn(kind) => *kind == BuiltIn::Mapping,
+        Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
         Program::Command(command) => {
             tracing::warn!("without {}: whether {} listens or drives, the log does not say", process.name, command.join(" "));
             false

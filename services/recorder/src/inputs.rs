@@ -4,7 +4,7 @@ use bus::{BusError, Reader, Received, Shell, StepError};
 use drivelog::{Logged, Recording, WriteError};
 use messages::{
     CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
-    TruthScan, TruthSurfaces, WayChunk,
+    TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
 
 use crate::tape::Tape;
@@ -19,6 +19,7 @@ pub(crate) struct Inputs {
     motions: Input<SonarMotion>,
     camera_motions: Input<CameraMotion>,
     verdicts: Input<FilterVerdict>,
+    walkers: Input<Walkers>,
     tiles: Input<MapTile>,
     way: Input<WayChunk>,
     summaries: Input<MapSummary>,
@@ -46,6 +47,7 @@ impl Inputs {
             motions: Input::open(shell)?,
             camera_motions: Input::open(shell)?,
             verdicts: Input::open(shell)?,
+            walkers: Input::open(shell)?,
             tiles: Input::open(shell)?,
             way: Input::open(shell)?,
             summaries: Input::open(shell)?,
@@ -66,6 +68,7 @@ impl Inputs {
             | self.motions.drain(tape, Recording::message, |_| ())?
             | self.camera_motions.drain(tape, Recording::message, |_| ())?
             | self.verdicts.drain(tape, Recording::message, |_| ())?
+            | self.walkers.drain(tape, Recording::message, |_| ())?
             | self.tiles.drain(tape, Recording::tile, |_| ())?
             | self.way.drain(tape, Recording::message, |_| ())?
             | self.summaries.drain(tape, Recording::message, |_| ())?

@@ -11,13 +11,16 @@
 
 mod classes;
 mod parameters;
+mod process;
 mod seen_free;
 mod state;
 mod step;
 mod tracks;
 mod tvm;
 
-pub use parameters::{Parameters, ParametersError, Rule};
+pub use parameters::{Parameters, ParametersError};
+pub use process::{StdError, run};
+pub use settings::MovingCell as Rule;
 pub use state::StateError;
 pub use step::Std;
 pub use tracks::Track;

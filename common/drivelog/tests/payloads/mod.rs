@@ -3,8 +3,8 @@
 
 use messages::{
     Blob, CameraMotion, Counter, DeploymentStatus, FilterVerdict, Heartbeat, InputCounters, LogLine, MapSummary, MapTile, Mover, Pose,
-    ProcessStatus, Progress, SonarMotion, SonarReading, SonarScan, Surface, TILE_CELLS, Text, TrueReading, TruthScan, TruthSurfaces,
-    UpdateRegion, WayChunk,
+    ProcessStatus, Progress, SonarMotion, SonarReading, SonarScan, Surface, TILE_CELLS, Text, TrackedWalker, TrueReading, TruthScan,
+    TruthSurfaces, UpdateRegion, Walkers, WayChunk,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -78,7 +78,8 @@ arbitrary! {
         width: any::<u32>(), height: any::<u32>(); blobs[count]: Blob::any(), 16
     }
     UpdateRegion { x_m: number(), y_m: number(), cells: number() }
-    FilterVerdict { withheld: any::<u32>(), inputs: 0..=3u32; regions[count]: UpdateRegion::any(), 8 }
+    FilterVerdict { withheld: any::<u32>(), inputs: 0..=3u32, action: 0..=1u32; regions[count]: UpdateRegion::any(), 8 }
+    TrackedWalker { x_m: number(), y_m: number(), velocity_x_m_s: number(), velocity_y_m_s: number(), track: any::<u64>() }
     WayChunk { first: any::<u64>(), total: any::<u64>(); points_m[count]: prop::array::uniform2(number32()), 256 }
     MapSummary {
         sha256: prop::array::uniform32(any::<u8>()), scans: any::<u64>(), readings: any::<u64>(), withheld: any::<u64>(),
@@ -99,6 +100,19 @@ arbitrary! {
     }
     Surface { from_m: prop::array::uniform2(number()), to_m: prop::array::uniform2(number()) }
     TruthSurfaces { start: Pose::any(), first: any::<u32>(), total: any::<u32>(); surfaces[count]: Surface::any(), 64 }
+}
+
+impl Arbitrary for Walkers {
+    fn any() -> BoxedStrategy<Self> {
+        let walkers = vec(TrackedWalker::any(), 0..=16);
+        walkers
+            .prop_map(|list| {
+                let mut payload = Self::default();
+                payload.count = fill(&mut payload.walkers, &list);
+                payload
+            })
+            .boxed()
+    }
 }
 
 impl Arbitrary for SonarScan {

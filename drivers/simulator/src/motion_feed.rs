@@ -1,0 +1,65 @@
+//! Camera motion made from the truth, on the bus in the drive's time.
+
+use bus::{BusError, Writer};
+use messages::CameraMotion;
+use settings::{Provides, Settings};
+
+use crate::blobs::{Blobs, Failings, Optics};
+use crate::world::World;
+
+/// The camera of a drive whose background subtraction is pretended.
+pub(crate) struct MotionFeed {
+    blobs: Blobs,
+    writer: Writer<CameraMotion>,
+    /// The next frame: its time since the start of the drive, ns, and what moves in it; `None` at the end of the way.
+    next: Option<(u64, CameraMotion)>,
+    /// Frames sent, or gone by, so far.
+    frames: u64,
+    /// Stamp of the last frame sent.
+    stamp_ns: u64,
+}
+
+impl MotionFeed {
+    /// Whether a deployment asks for it.
+    pub(crate) fn is_wanted(settings: &Settings) -> bool {
+        settings.simulator.camera.provides == Provides::Motion
+    }
+
+    /// The frames after this time of the drive, ns.
+    pub(crate) fn new(world: &World, settings: &Settings, writer: Writer<CameraMotion>, driven_ns: u64) -> Self {
+        let optics = Optics::of_settings(&settings.camera);
+        let failings = Failings::of_settings(&settings.simulator.camera);
+        let mut blobs = Blobs::new(world, &optics, &failings, u64::from(settings.simulator.seed.get()));
+        let next = blobs.next_frame();
+        let mut feed = Self { blobs, writer, next, frames: 0, stamp_ns: 0 };
+        while feed.due_ns().is_some_and(|due_ns| due_ns <= driven_ns) {
+            feed.advance();
+        }
+        feed
+    }
+
+    /// When the next frame is due, ns since the start of the drive.
+    pub(crate) fn due_ns(&self) -> Option<u64> {
+        self.next.as_ref().map(|(due_ns, _)| *due_ns)
+    }
+
+    /// Sends the next frame, of a drive that began at this time on the deployment's clock.
+    pub(crate) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
+        if let Some((due_ns, motion)) = &self.next {
+            self.stamp_ns = start_ns + due_ns;
+            self.writer.send(self.frames + 1, self.stamp_ns, motion)?;
+        }
+        self.advance();
+        Ok(())
+    }
+
+    /// No more frames will come.
+    pub(crate) fn end(&mut self) -> Result<(), BusError> {
+        self.writer.end(self.frames, self.stamp_ns)
+    }
+
+    fn advance(&mut self) {
+        self.frames += u64::from(self.next.is_some());
+        self.next = self.blobs.next_frame();
+    }
+}

@@ -1,0 +1,312 @@
+//! The process around FTI: scans and what moves from the bus, verdicts onto it.
+
+use std::time::{Duration, Instant};
+
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
+use serde::{Deserialize, Serialize};
+use settings::{Pace, Settings};
+
+use crate::{Fti, Input, Parameters, ParametersError, StateError};
+
+/// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
+const CHECKPOINT_SCANS: u64 = 64;
+/// Most messages taken of each stream in one round, so that the heartbeat is never late.
+const TAKEN_PER_ROUND: usize = 64;
+/// Shortest time between two outlooks: the map that is shown is made anew no more often.
+const OUTLOOK_PERIOD: Duration = Duration::from_millis(90);
+/// A stream this much older than the newest scan is missed, ns of sensor time.
+const MISSED_NS: u64 = 1_000_000_000;
+/// How long after the last scan the other streams are waited for, live.
+const STRAGGLERS: Duration = Duration::from_millis(500);
+
+/// How FTI ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum FtiError {
+    /// The settings make no FTI.
+    #[error("[fti]: {0}")]
+    Parameters(#[from] ParametersError),
+    /// A service cannot be used.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The work loop failed.
+    #[error("{0}")]
+    Run(#[from] RunError),
+}
+
+/// Gives verdicts until the scans end or the process is asked to stop.
+///
+/// # Errors
+/// Settings that make no FTI, or a bus that fails.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
+    let parameters = Parameters::of_settings(settings);
+    let with_camera = parameters.camera.is_some();
+    let checkpoint = shell.checkpoint();
+    let (fti, place) = take_up(&checkpoint, parameters)?;
+    let mut scans = shell.reader::<SonarScan>()?;
+    scans.skip_to(place.scan);
+    let mut sonar = shell.reader::<SonarMotion>()?;
+    sonar.skip_to(place.sonar);
+    let camera = if with_camera {
+        let mut camera = shell.reader::<CameraMotion>()?;
+        camera.skip_to(place.camera);
+        Some(camera)
+    } else {
+        None
+    };
+    let mut integration = Integration {
+        scans,
+        sonar,
+        camera,
+        verdicts: shell.writer()?,
+        walkers: shell.writer()?,
+        outlook: shell.writer()?,
+        checkpoint,
+        place,
+        checkpointed: place.scan,
+        lockstep: settings.pace == Pace::Lockstep,
+        scans_ended_at: None,
+        shown_at: None,
+        missed: [None; 2],
+        counts: Counts::default(),
+        fti,
+    };
+    Ok(shell.run(&mut integration)?)
+}
+
+/// What the state includes: the last message of each stream, and the times of the last ones.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Place {
+    scan: u64,
+    sonar: u64,
+    camera: u64,
+    scan_ns: u64,
+    sonar_ns: u64,
+    camera_ns: u64,
+    /// Number and time of the last scan that has its verdict.
+    decided: (u64, u64),
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    withheld: u64,
+    verdicts: u64,
+    sonar_only: u64,
+    blind: u64,
+}
+
+struct Integration {
+    fti: Fti,
+    scans: Reader<SonarScan>,
+    sonar: Reader<SonarMotion>,
+    /// `None` where no camera is expected.
+    camera: Option<Reader<CameraMotion>>,
+    verdicts: Writer<FilterVerdict>,
+    walkers: Writer<Walkers>,
+    outlook: Writer<VerdictOutlook>,
+    checkpoint: Checkpoint,
+    place: Place,
+    /// Last scan that the checkpoint includes.
+    checkpointed: u64,
+    lockstep: bool,
+    scans_ended_at: Option<Instant>,
+    shown_at: Option<Instant>,
+    /// Since when (deployment clock, ns) the motion of sonars and camera is missed.
+    missed: [Option<u64>; 2],
+    counts: Counts,
+}
+
+impl Process for Integration {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let more = self.take_inputs()?;
+        self.advance()?;
+        if let Some((seq, _)) = self.fti.last_scan() {
+            context.answered::<SonarScan>(seq);
+        }
+        if self.place.scan >= self.checkpointed + CHECKPOINT_SCANS {
+            self.save()?;
+        }
+        self.say(context);
+        if more {
+            return Ok(Next::Again);
+        }
+        if context.stopping() || self.is_over() {
+            return self.finish();
+        }
+        self.show()
+    }
+}
+
+impl Integration {
+    /// Takes what waits, up to a round's share; true when there may be more.
+    fn take_inputs(&mut self) -> Result<bool, StepError> {
+        let mut more = false;
+        for taken in 1..=TAKEN_PER_ROUND {
+            let camera = self.take_camera()?;
+            let sonar = self.take_sonar()?;
+            let scan = self.take_scan()?;
+            if !(camera || sonar || scan) {
+                break;
+            }
+            more = taken == TAKEN_PER_ROUND;
+        }
+        Ok(more)
+    }
+
+    fn take_scan(&mut self) -> Result<bool, StepError> {
+        match self.scans.take()? {
+            None => return Ok(false),
+            Some(Received::Message(scan)) => {
+                (self.place.scan, self.place.scan_ns) = (scan.seq(), scan.stamp_ns());
+                self.fti.take(Input::Scan { seq: scan.seq(), stamp_ns: scan.stamp_ns(), scan: &scan });
+            }
+            Some(Received::End { .. }) => {
+                self.scans_ended_at = Some(Instant::now());
+                self.fti.take(Input::ScansEnded);
+            }
+        }
+        Ok(true)
+    }
+
+    fn take_sonar(&mut self) -> Result<bool, StepError> {
+        match self.sonar.take()? {
+            None => return Ok(false),
+            Some(Received::Message(motion)) => {
+                (self.place.sonar, self.place.sonar_ns) = (motion.seq(), motion.stamp_ns());
+                self.fti.take(Input::Sonar { seq: motion.seq(), motion: &motion });
+            }
+            Some(Received::End { .. }) => self.fti.take(Input::SonarEnded),
+        }
+        Ok(true)
+    }
+
+    fn take_camera(&mut self) -> Result<bool, StepError> {
+        let Some(camera) = &mut self.camera else { return Ok(false) };
+        match camera.take()? {
+            None => return Ok(false),
+            Some(Received::Message(motion)) => {
+                (self.place.camera, self.place.camera_ns) = (motion.seq(), motion.stamp_ns());
+                self.fti.take(Input::Camera { stamp_ns: motion.stamp_ns(), motion: &motion });
+            }
+            Some(Received::End { .. }) => self.fti.take(Input::CameraEnded),
+        }
+        Ok(true)
+    }
+
+    /// Integrates the scans that can be, and sends the verdicts that are due.
+    fn advance(&mut self) -> Result<(), StepError> {
+        let mut verdicts = Vec::new();
+        while self.fti.advance(&mut verdicts) {
+            if let Some((seq, stamp_ns)) = self.fti.last_scan() {
+                self.walkers.send(seq, stamp_ns, &self.fti.walkers())?;
+            }
+        }
+        for given in verdicts {
+            self.counts.verdicts += 1;
+            self.counts.withheld += u64::from(given.verdict.withheld.count_ones());
+            self.counts.sonar_only += u64::from(given.verdict.inputs & FilterVerdict::FROM_CAMERA == 0);
+            self.counts.blind += u64::from(given.verdict.inputs == 0);
+            self.verdicts.send(given.seq, given.stamp_ns, &given.verdict)?;
+            self.place.decided = (given.seq, given.stamp_ns);
+        }
+        Ok(())
+    }
+
+    /// Sends the verdicts to come as they stand, when it is time.
+    fn show(&mut self) -> Result<Next, StepError> {
+        let due_in = self.shown_at.map_or(Duration::ZERO, |at| OUTLOOK_PERIOD.saturating_sub(at.elapsed()));
+        if due_in.is_zero() {
+            self.outlook.send(self.place.scan, self.place.scan_ns, &self.fti.outlook())?;
+            self.shown_at = Some(Instant::now());
+        }
+        Ok(Next::WaitAtMost(if due_in.is_zero() { OUTLOOK_PERIOD } else { due_in }))
+    }
+
+    /// Whether every verdict has been given, or what is missing does not come any more.
+    fn is_over(&self) -> bool {
+        let waited = self.scans_ended_at.is_some_and(|at| at.elapsed() >= STRAGGLERS);
+        self.fti.is_over() || !self.lockstep && waited
+    }
+
+    /// Decides what is pending with what is there. Saved before: should the end fail, the next incarnation goes on from there.
+    fn finish(&mut self) -> Result<Next, StepError> {
+        self.save()?;
+        for end in [Input::SonarEnded, Input::CameraEnded, Input::ScansEnded] {
+            self.fti.take(end);
+        }
+        self.advance()?;
+        let (seq, stamp_ns) = self.place.decided;
+        self.verdicts.end(seq, stamp_ns)?;
+        self.walkers.end(self.place.scan, self.place.scan_ns)?;
+        Ok(Next::Finished)
+    }
+
+    fn save(&mut self) -> Result<(), StepError> {
+        let bytes = postcard::to_allocvec(&(self.place, self.fti.to_bytes()))?;
+        self.checkpoint.save(&bytes)?;
+        self.checkpointed = self.place.scan;
+        Ok(())
+    }
+
+    /// Says what is missed, once when it begins and once when it is over, and what was done.
+    fn say(&mut self, context: &mut Context<'_>) {
+        let Place { scan_ns, sonar_ns, camera_ns, .. } = self.place;
+        let late = |stream_ns: u64| self.scans_ended_at.is_none() && scan_ns.saturating_sub(stream_ns) > MISSED_NS && !self.lockstep;
+        let missing = [late(sonar_ns), self.camera.is_some() && late(camera_ns)];
+        for ((since, missing), what) in self.missed.iter_mut().zip(missing).zip(["sonar motion", "camera motion"]) {
+            match (*since, missing) {
+                (None, true) => {
+                    *since = Some(context.now_ns());
+                    tracing::warn!("no {what}: verdicts rest on what is left");
+                }
+                (Some(_), false) => {
+                    *since = None;
+                    tracing::info!("{what} is there again");
+                }
+                _ => {}
+            }
+        }
+        let seconds = |since_ns: u64| since_ns as f64 * 1e-9;
+        match self.missed {
+            [None, None] if self.camera.is_none() => context.note("sonar only"),
+            [None, None] => context.note("sonar and camera"),
+            [None, Some(since)] => context.note(&format!("sonar only since {:.1} s: no camera motion", seconds(since))),
+            [Some(since), None] => context.note(&format!("no sonar motion since {:.1} s", seconds(since))),
+            [Some(sonar), Some(camera)] => {
+                context.note(&format!(
+                    "neither sonar motion (since {:.1} s) nor camera motion (since {:.1} s)",
+                    seconds(sonar),
+                    seconds(camera)
+                ));
+            }
+        }
+        context.count("verdicts", self.counts.verdicts);
+        context.count("readings withheld", self.counts.withheld);
+        context.count("verdicts from sonar only", self.counts.sonar_only);
+        context.count("verdicts from nothing", self.counts.blind);
+    }
+}
+
+/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
+fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Fti, Place), ParametersError> {
+    let problem = match checkpoint.load() {
+        Ok(None) => None,
+        Ok(Some(bytes)) => match restore(parameters.clone(), &bytes) {
+            Ok(restored) => {
+                tracing::info!("goes on after scan {}", restored.1.scan);
+                return Ok(restored);
+            }
+            Err(error) => Some(format!("the state in the checkpoint: {error}")),
+        },
+        Err(error) => Some(error.to_string()),
+    };
+    if let Some(problem) = problem {
+        tracing::error!("begins anew: {problem}");
+    }
+    Ok((Fti::new(parameters)?, Place::default()))
+}
+
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Fti, Place), StateError> {
+    let (place, state): (Place, Vec<u8>) = postcard::from_bytes(bytes)?;
+    Ok((Fti::from_bytes(parameters, &state)?, place))
+}

@@ -1,0 +1,139 @@
+//! The process around STD: scans from the bus, an answer to each onto it.
+
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use messages::{SonarMotion, SonarScan};
+use serde::{Deserialize, Serialize};
+use settings::Settings;
+
+use crate::{Parameters, ParametersError, StateError, Std};
+
+/// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
+const CHECKPOINT_SCANS: u64 = 64;
+/// Most scans taken in one round, so that the heartbeat is never late.
+const TAKEN_PER_ROUND: usize = 128;
+
+/// How STD ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum StdError {
+    /// The settings make no STD.
+    #[error("[std]: {0}")]
+    Parameters(#[from] ParametersError),
+    /// A service cannot be used.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The work loop failed.
+    #[error("{0}")]
+    Run(#[from] RunError),
+}
+
+/// Answers scans until they end or the process is asked to stop.
+///
+/// # Errors
+/// Settings that make no STD, or a bus that fails.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
+    let parameters = Parameters::of_settings(settings);
+    let checkpoint = shell.checkpoint();
+    let (std, place) = take_up(&checkpoint, parameters)?;
+    let mut scans = shell.reader::<SonarScan>()?;
+    scans.skip_to(place.seq);
+    let motions = shell.writer()?;
+    Ok(shell.run(&mut Difference { std, scans, motions, checkpoint, place, checkpointed: place.seq, moving_scans: 0, movers: 0 })?)
+}
+
+/// The last scan that was answered.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Place {
+    seq: u64,
+    stamp_ns: u64,
+}
+
+struct Difference {
+    std: Std,
+    scans: Reader<SonarScan>,
+    motions: Writer<SonarMotion>,
+    checkpoint: Checkpoint,
+    place: Place,
+    /// Last scan that the checkpoint includes.
+    checkpointed: u64,
+    moving_scans: u64,
+    movers: u64,
+}
+
+impl Process for Difference {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let mut next = Next::Again;
+        for _ in 0..TAKEN_PER_ROUND {
+            match self.scans.take()? {
+                None => {
+                    next = Next::Wait;
+                    break;
+                }
+                Some(Received::Message(scan)) => {
+                    self.place = Place { seq: scan.seq(), stamp_ns: scan.stamp_ns() };
+                    self.answer(&scan)?;
+                    context.answered::<SonarScan>(self.place.seq);
+                }
+                Some(Received::End { .. }) => {
+                    next = Next::Finished;
+                    break;
+                }
+            }
+        }
+        context.count("scans with movers", self.moving_scans);
+        context.count("movers", self.movers);
+        context.count("tracks", self.std.tracks().len() as u64);
+        if context.stopping() && next == Next::Wait {
+            next = Next::Finished;
+        }
+        if next == Next::Finished {
+            self.save()?;
+            self.motions.end(self.place.seq, self.place.stamp_ns)?;
+        }
+        Ok(next)
+    }
+}
+
+impl Difference {
+    fn answer(&mut self, scan: &SonarScan) -> Result<(), StepError> {
+        let Place { seq, stamp_ns } = self.place;
+        let motion = self.std.step(stamp_ns, scan);
+        self.moving_scans += u64::from(motion.count > 0);
+        self.movers += u64::from(motion.count);
+        self.motions.send(seq, stamp_ns, &motion)?;
+        if seq >= self.checkpointed + CHECKPOINT_SCANS {
+            self.save()?;
+        }
+        Ok(())
+    }
+
+    fn save(&mut self) -> Result<(), StepError> {
+        let bytes = postcard::to_allocvec(&(self.place, self.std.to_bytes()))?;
+        self.checkpoint.save(&bytes)?;
+        self.checkpointed = self.place.seq;
+        Ok(())
+    }
+}
+
+/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
+fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Std, Place), ParametersError> {
+    let problem = match checkpoint.load() {
+        Ok(None) => None,
+        Ok(Some(bytes)) => match restore(parameters, &bytes) {
+            Ok(restored) => {
+                tracing::info!("goes on after scan {}", restored.1.seq);
+                return Ok(restored);
+            }
+            Err(error) => Some(format!("the state in the checkpoint: {error}")),
+        },
+        Err(error) => Some(error.to_string()),
+    };
+    if let Some(problem) = problem {
+        tracing::error!("begins anew: {problem}");
+    }
+    Ok((Std::new(parameters)?, Place::default()))
+}
+
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Place), StateError> {
+    let (place, state): (Place, Vec<u8>) = postcard::from_bytes(bytes)?;
+    Ok((Std::from_bytes(parameters, &state)?, place))
+}
