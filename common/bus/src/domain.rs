@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
 use messages::{
-    CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Progress, SonarMotion, SonarScan,
-    TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
+    CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
+    Payload, Progress, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
 };
 use rustix::fs::{FlockOperation, flock};
 
@@ -21,10 +21,11 @@ use crate::broken::BusError;
 use crate::clock::DeploymentClock;
 use crate::fabric::Fabric;
 use crate::membership::Membership;
+use crate::outlet::Refresh;
 use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
 use crate::reader::Reader;
 use crate::shell::{drain, listener_descriptor, timespec};
-use crate::writer::{Refresh, Writer};
+use crate::writer::Writer;
 
 /// Shared memory that must be free before a deployment starts: a full `/dev/shm` is SIGBUS later, not an error.
 const NEEDED_SHARED_MEMORY: u64 = 64 << 20;
@@ -153,6 +154,10 @@ impl Domain {
         hold::<LogLine>(&fabric, &mut services)?;
         hold::<TruthScan>(&fabric, &mut services)?;
         hold::<TruthSurfaces>(&fabric, &mut services)?;
+        services.push(Box::new(fabric.create_pictures::<CameraFrame>()?));
+        services.push(Box::new(fabric.create_pictures::<CameraMask>()?));
+        services.push(Box::new(fabric.create_pictures::<CameraBackground>()?));
+        services.push(Box::new(fabric.create_pictures::<TruthMask>()?));
         self.services = services;
         self.fabric = Some(fabric);
         Ok(())

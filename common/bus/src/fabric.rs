@@ -1,5 +1,6 @@
 //! The node of this process and the services it creates or opens.
 
+use std::fmt::Debug;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -7,16 +8,17 @@ use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeState, NodeView};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{
-    AttributeSpecifier, AttributeVerifier, CallbackProgression, FileName, NodeBuilder, Path as IoxPath, SemanticString, ServiceName,
-    SignalHandlingMode, ipc,
+    AttributeSpecifier, AttributeVerifier, CallbackProgression, FileName, IceoryxSend, NodeBuilder, Path as IoxPath, SemanticString,
+    ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
-use messages::Payload;
+use messages::{FrameHeader, Layout, Payload, Pictures, Qos, Service};
 
 use crate::broken::BusError;
 use crate::paths::DomainPaths;
-use crate::slot::{HeaderSlot, Slot};
+use crate::slot::{FrameHeaderSlot, HeaderSlot, Slot};
 
 /// Most processes that have one service open, spare places for killed ones included.
 const MAX_NODES: usize = 48;
@@ -24,11 +26,14 @@ const MAX_NODES: usize = 48;
 const CLEANUP_TIMEOUT: Duration = Duration::from_secs(1);
 
 pub(crate) type PubSub<T> = publish_subscribe::PortFactory<ipc::Service, Slot<T>, HeaderSlot>;
+/// A service whose payload is the bytes of a picture.
+pub(crate) type PicturePubSub = publish_subscribe::PortFactory<ipc::Service, [u8], FrameHeaderSlot>;
 pub(crate) type Wake = event::PortFactory<ipc::Service>;
 
 /// A service that this process has open: its messages and, when sends wake readers, its event.
-pub(crate) struct Opened<T: Payload> {
-    pub(crate) data: PubSub<T>,
+pub(crate) struct Opened<D> {
+    service: Service,
+    pub(crate) data: D,
     pub(crate) wake: Option<Wake>,
 }
 
@@ -52,33 +57,36 @@ impl Fabric {
     }
 
     /// Creates the service; the supervisor alone does, so that a process killed while starting leaves none half made.
-    pub(crate) fn create<T: Payload>(&self) -> Result<Opened<T>, BusError> {
+    pub(crate) fn create<T: Payload>(&self) -> Result<Opened<PubSub<T>>, BusError> {
         let service = T::SERVICE;
-        let name = service_name(service.name)?;
-        let (key, value) = contract::<T>()?;
-        let attributes =
-            AttributeSpecifier::new().define(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))?;
-        let data = self.builder::<T>(&name).create_with_attributes(&attributes).map_err(|error| BusError::creating(service.name, error))?;
-        let wake = match service.wakes {
-            true => Some(self.event_builder::<T>(&name).create().map_err(|error| BusError::creating_event(service.name, error))?),
-            false => None,
-        };
-        Ok(Opened { data, wake })
+        let builder = self.builder::<T>()?;
+        let data = builder.create_with_attributes(&written(&service, T::HASH)?).map_err(|error| BusError::creating(service.name, error))?;
+        Ok(Opened { service, data, wake: self.create_wake(&service)? })
     }
 
-    pub(crate) fn open<T: Payload>(&self) -> Result<Opened<T>, BusError> {
+    /// Creates a service of pictures.
+    pub(crate) fn create_pictures<P: Pictures>(&self) -> Result<Opened<PicturePubSub>, BusError> {
+        let service = P::SERVICE;
+        let builder = self.picture_builder(&service)?;
+        let attributes = written(&service, FrameHeader::HASH)?;
+        let data = builder.create_with_attributes(&attributes).map_err(|error| BusError::creating(service.name, error))?;
+        Ok(Opened { service, data, wake: self.create_wake(&service)? })
+    }
+
+    pub(crate) fn open<T: Payload>(&self) -> Result<Opened<PubSub<T>>, BusError> {
         let service = T::SERVICE;
-        let name = service_name(service.name)?;
-        let (key, value) = contract::<T>()?;
-        let attributes =
-            AttributeVerifier::new().require(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))?;
-        let data =
-            self.builder::<T>(&name).open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, T::HASH, error))?;
-        let wake = match service.wakes {
-            true => Some(self.event_builder::<T>(&name).open().map_err(|error| BusError::opening_event(service.name, error))?),
-            false => None,
-        };
-        Ok(Opened { data, wake })
+        let builder = self.builder::<T>()?;
+        let attributes = expected(&service, T::HASH)?;
+        let data = builder.open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, T::HASH, error))?;
+        Ok(Opened { service, data, wake: self.open_wake(&service)? })
+    }
+
+    pub(crate) fn open_pictures<P: Pictures>(&self) -> Result<Opened<PicturePubSub>, BusError> {
+        let service = P::SERVICE;
+        let builder = self.picture_builder(&service)?;
+        let attributes = expected(&service, FrameHeader::HASH)?;
+        let data = builder.open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, FrameHeader::HASH, error))?;
+        Ok(Opened { service, data, wake: self.open_wake(&service)? })
     }
 
     /// Removes what dead processes have left in the domain. Returns how many nodes were dead.
@@ -102,34 +110,56 @@ impl Fabric {
         dead.len()
     }
 
-    fn builder<T: Payload>(
-        &self,
-        name: &ServiceName,
-    ) -> iceoryx2::service::builder::publish_subscribe::Builder<Slot<T>, HeaderSlot, ipc::Service> {
-        let qos = T::SERVICE.qos;
-        self.node
-            .service_builder(name)
-            .publish_subscribe::<Slot<T>>()
-            .user_header::<HeaderSlot>()
-            .max_publishers(qos.publishers)
-            .max_subscribers(qos.subscribers)
-            .max_nodes(MAX_NODES)
-            .history_size(qos.history)
-            .subscriber_max_buffer_size(qos.buffer)
-            .subscriber_max_borrowed_samples(4)
-            .enable_safe_overflow(true)
+    fn builder<T: Payload>(&self) -> Result<Builder<Slot<T>, HeaderSlot, ipc::Service>, BusError> {
+        let service = T::SERVICE;
+        let builder = self.node.service_builder(&service_name(service.name)?).publish_subscribe::<Slot<T>>().user_header::<HeaderSlot>();
+        Ok(shaped(builder, service.qos))
     }
 
-    fn event_builder<T: Payload>(&self, name: &ServiceName) -> iceoryx2::service::builder::event::Builder<ipc::Service> {
-        let qos = T::SERVICE.qos;
-        self.node.service_builder(name).event().max_listeners(qos.subscribers).max_notifiers(qos.publishers).max_nodes(MAX_NODES)
+    fn picture_builder(&self, service: &Service) -> Result<Builder<[u8], FrameHeaderSlot, ipc::Service>, BusError> {
+        let builder = self.node.service_builder(&service_name(service.name)?).publish_subscribe::<[u8]>().user_header::<FrameHeaderSlot>();
+        Ok(shaped(builder, service.qos))
+    }
+
+    fn create_wake(&self, service: &Service) -> Result<Option<Wake>, BusError> {
+        if !service.wakes {
+            return Ok(None);
+        }
+        self.event_builder(service)?.create().map(Some).map_err(|error| BusError::creating_event(service.name, error))
+    }
+
+    fn open_wake(&self, service: &Service) -> Result<Option<Wake>, BusError> {
+        if !service.wakes {
+            return Ok(None);
+        }
+        self.event_builder(service)?.open().map(Some).map_err(|error| BusError::opening_event(service.name, error))
+    }
+
+    fn event_builder(&self, service: &Service) -> Result<iceoryx2::service::builder::event::Builder<ipc::Service>, BusError> {
+        let Qos { subscribers, publishers, .. } = service.qos;
+        let builder = self.node.service_builder(&service_name(service.name)?).event();
+        Ok(builder.max_listeners(subscribers).max_notifiers(publishers).max_nodes(MAX_NODES))
     }
 }
 
+fn shaped<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend>(
+    builder: Builder<P, H, ipc::Service>,
+    qos: Qos,
+) -> Builder<P, H, ipc::Service> {
+    builder
+        .max_publishers(qos.publishers)
+        .max_subscribers(qos.subscribers)
+        .max_nodes(MAX_NODES)
+        .history_size(qos.history)
+        .subscriber_max_buffer_size(qos.buffer)
+        .subscriber_max_borrowed_samples(4)
+        .enable_safe_overflow(true)
+}
+
 /// A listener of the service's event, if sends on it wake readers.
-pub(crate) fn listener<T: Payload>(opened: &Opened<T>) -> Result<Option<Rc<Listener<ipc::Service>>>, BusError> {
+pub(crate) fn listener<D>(opened: &Opened<D>) -> Result<Option<Rc<Listener<ipc::Service>>>, BusError> {
     let Some(wake) = &opened.wake else { return Ok(None) };
-    let listener = wake.listener_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+    let listener = wake.listener_builder().create().map_err(|error| BusError::broken(opened.service.name, error))?;
     Ok(Some(Rc::new(listener)))
 }
 
@@ -151,10 +181,22 @@ fn service_name(name: &'static str) -> Result<ServiceName, BusError> {
     ServiceName::new(name).map_err(|error| BusError::refused("cannot name", name, error))
 }
 
+/// The contract as a service that is created carries it.
+fn written(service: &Service, layout: u64) -> Result<AttributeSpecifier, BusError> {
+    let (key, value) = contract(service, layout)?;
+    AttributeSpecifier::new().define(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))
+}
+
+/// The contract as a service that is opened has to carry it.
+fn expected(service: &Service, layout: u64) -> Result<AttributeVerifier, BusError> {
+    let (key, value) = contract(service, layout)?;
+    AttributeVerifier::new().require(&key, &value).map_err(|error| BusError::refused("cannot describe", service.name, error))
+}
+
 /// Version and layout of the payload, as the one attribute of its service.
-fn contract<T: Payload>() -> Result<(AttributeKey, AttributeValue), BusError> {
-    let refused = |error| BusError::refused("cannot describe", T::SERVICE.name, error);
-    let contract = format!("version {} layout {:016x}", T::SERVICE.version, T::HASH);
+fn contract(service: &Service, layout: u64) -> Result<(AttributeKey, AttributeValue), BusError> {
+    let refused = |error| BusError::refused("cannot describe", service.name, error);
+    let contract = format!("version {} layout {layout:016x}", service.version);
     let key: AttributeKey = "contract".try_into().map_err(refused)?;
     let value: AttributeValue = contract.as_str().try_into().map_err(refused)?;
     Ok((key, value))

@@ -2,7 +2,7 @@
 //!
 //! A deployment lives in a [`Domain`] of its own: a folder, a prefix in shared memory and a lock. The supervisor opens it,
 //! creates every service and holds them; processes only ever open what exists. A process joins with a [`Shell`], declares
-//! its inputs ([`Reader`]) and outputs ([`Writer`]) and hands over a [`Process`], whose `step` the shell calls whenever
+//! its inputs ([`Reader`], for pictures [`FrameReader`]) and outputs ([`Writer`], [`FrameWriter`]) and hands over a [`Process`], whose `step` the shell calls whenever
 //! something is there to be done. Waiting is a `poll` on file descriptors: no busy polling, no sleeping.
 //!
 //! Modes of failure that this crate answers for: lost, repeated and damaged messages are counted where they are read; a
@@ -13,12 +13,16 @@ mod checkpoint;
 mod clock;
 mod domain;
 mod fabric;
+mod frame_reader;
+mod frame_writer;
 mod membership;
+mod outlet;
 mod paths;
 mod reader;
 mod shell;
 mod signals;
 mod slot;
+mod stream;
 mod tool;
 mod writer;
 
@@ -26,9 +30,12 @@ pub use broken::{BusError, EXIT_BROKEN_DOMAIN};
 pub use checkpoint::{Checkpoint, CheckpointError};
 pub use clock::DeploymentClock;
 pub use domain::{Domain, DomainError, RunningDomain, sweep};
+pub use frame_reader::{Frame, FrameReader, RefusedFrame};
+pub use frame_writer::FrameWriter;
 pub use membership::{Membership, MembershipError};
-pub use reader::{Message, Reader, Received};
+pub use reader::{Message, Reader};
 pub use shell::{Context, Next, Process, RunError, Shell, StepError};
 pub use signals::Signals;
+pub use stream::Received;
 pub use tool::Tool;
 pub use writer::Writer;

@@ -8,11 +8,12 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
-use messages::{InputCounters, Kind, Payload, Text};
+use messages::{Header, InputCounters, Payload};
 
 use crate::broken::BusError;
-use crate::fabric::{Opened, listener};
+use crate::fabric::{Opened, PubSub, listener};
 use crate::slot::{HeaderSlot, Slot};
+use crate::stream::{Admission, Received, Stream, checksum};
 
 /// Receives the messages of one service.
 ///
@@ -21,22 +22,7 @@ use crate::slot::{HeaderSlot, Slot};
 pub struct Reader<T: Payload> {
     subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
-    counters: Rc<RefCell<InputCounters>>,
-    run: u64,
-    last_seq: u64,
-    last_stamp_ns: u64,
-    ended: bool,
-}
-
-/// What a reader hands out.
-pub enum Received<T: Payload> {
-    /// A message.
-    Message(Message<T>),
-    /// The stream ends: nothing comes after `seq`.
-    End {
-        /// Last number of the stream.
-        seq: u64,
-    },
+    stream: Stream,
 }
 
 /// A message in shared memory, checked; it goes back to its sender when dropped.
@@ -46,43 +32,38 @@ pub struct Message<T: Payload> {
 }
 
 impl<T: Payload> Reader<T> {
-    pub(crate) fn new(opened: &Opened<T>, run: u64) -> Result<Self, BusError> {
+    pub(crate) fn new(opened: &Opened<PubSub<T>>, run: u64) -> Result<Self, BusError> {
         let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        let counters = InputCounters { service: Text::new(T::SERVICE.name), ..InputCounters::default() };
-        Ok(Self {
-            subscriber,
-            listener: listener(opened)?,
-            counters: Rc::new(RefCell::new(counters)),
-            run,
-            last_seq: 0,
-            last_stamp_ns: 0,
-            ended: false,
-        })
+        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(T::SERVICE, run) })
     }
 
     /// The next message, if one waits.
     ///
     /// # Errors
     /// When the connection to a sender cannot be made.
-    pub fn take(&mut self) -> Result<Option<Received<T>>, BusError> {
+    pub fn take(&mut self) -> Result<Option<Received<Message<T>>>, BusError> {
         loop {
             let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", T::SERVICE.name, error))?;
             let Some(sample) = received else { return Ok(None) };
-            if let Some(received) = self.accept(sample) {
-                return Ok(Some(received));
+            let (header, payload) = (sample.user_header().0, &sample.payload().0);
+            let found = || checksum(&Header { crc32: 0, ..header }, bytemuck::bytes_of(payload));
+            match self.stream.admit(&header, found, || payload.validate()) {
+                Admission::Message { lost_before } => return Ok(Some(Received::Message(Message { sample, lost_before }))),
+                Admission::End { seq } => return Ok(Some(Received::End { seq })),
+                Admission::Refused { .. } | Admission::Dropped => (),
             }
         }
     }
 
     /// Takes everything up to `seq` as received: a process that restarts goes on after what its checkpoint includes.
     pub fn skip_to(&mut self, seq: u64) {
-        self.last_seq = self.last_seq.max(seq);
+        self.stream.skip_to(seq);
     }
 
     /// Whether the end of the stream has been taken.
     #[must_use]
     pub fn ended(&self) -> bool {
-        self.ended
+        self.stream.ended()
     }
 
     pub(crate) fn listener(&self) -> Option<Rc<Listener<ipc::Service>>> {
@@ -90,58 +71,7 @@ impl<T: Payload> Reader<T> {
     }
 
     pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
-        self.counters.clone()
-    }
-
-    fn accept(&mut self, sample: Sample<ipc::Service, Slot<T>, HeaderSlot>) -> Option<Received<T>> {
-        let header = sample.user_header().0;
-        let payload = &sample.payload().0;
-        let mut counters = self.counters.borrow_mut();
-        if header.run != self.run {
-            counters.refused += 1;
-            return None;
-        }
-        let kind = Kind::from_number(header.kind);
-        let problem = if header.crc32 != crc32fast::hash(bytemuck::bytes_of(payload)) {
-            Some("its checksum is wrong".to_owned())
-        } else if T::SERVICE.sequenced && header.seq > self.last_seq && header.stamp_ns < self.last_stamp_ns {
-            Some(format!("its stamp {} ns is before {} ns", header.stamp_ns, self.last_stamp_ns))
-        } else {
-            match kind {
-                None => Some(format!("its kind is {}, expected 0 or 1", header.kind)),
-                Some(Kind::Data) => payload.validate().err().map(|invalid| invalid.to_string()),
-                Some(Kind::End) => None,
-            }
-        };
-        if let Some(problem) = problem {
-            counters.refused += 1;
-            tracing::warn!("refused message {} of {}: {problem}", header.seq, T::SERVICE.name);
-            return None;
-        }
-        if kind == Some(Kind::End) {
-            if self.ended {
-                return None;
-            }
-            self.ended = true;
-            counters.lost += header.seq.saturating_sub(self.last_seq);
-            self.last_seq = self.last_seq.max(header.seq);
-            return Some(Received::End { seq: header.seq });
-        }
-        let mut lost_before = 0;
-        if T::SERVICE.sequenced {
-            if header.seq <= self.last_seq {
-                counters.repeated += 1;
-                return None;
-            }
-            lost_before = header.seq - self.last_seq - 1;
-            self.last_seq = header.seq;
-            self.last_stamp_ns = header.stamp_ns;
-        }
-        counters.received += 1;
-        counters.lost += lost_before;
-        counters.last_seq = header.seq;
-        drop(counters);
-        Some(Received::Message(Message { sample, lost_before }))
+        self.stream.counters()
     }
 }
 

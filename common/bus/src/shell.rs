@@ -8,18 +8,21 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{FileDescriptorBased, ipc};
-use messages::{Counter, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Progress, Text};
+use messages::{Counter, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::broken::BusError;
 use crate::checkpoint::Checkpoint;
 use crate::domain::{DomainError, join_members};
 use crate::fabric::Fabric;
+use crate::frame_reader::FrameReader;
+use crate::frame_writer::FrameWriter;
 use crate::membership::Membership;
+use crate::outlet::Refresh;
 use crate::paths::DomainPaths;
 use crate::reader::Reader;
 use crate::signals::Signals;
-use crate::writer::{Refresh, Writer};
+use crate::writer::Writer;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
 const HEARTBEAT: Duration = Duration::from_millis(200);
@@ -154,6 +157,27 @@ impl Shell {
     /// When the service does not exist or cannot be used.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
         let writer = Writer::new(self.fabric.open()?, self.membership.run, self.sent.clone())?;
+        self.writers.push(writer.refresh());
+        Ok(writer)
+    }
+
+    /// Declares an input of pictures: they wake the process.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
+        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.membership.run)?;
+        self.listeners.extend(reader.listener());
+        self.inputs.push(reader.counters());
+        Ok(reader)
+    }
+
+    /// Declares an output of pictures.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn frame_writer<P: Pictures>(&mut self) -> Result<FrameWriter<P>, BusError> {
+        let writer = FrameWriter::new(self.fabric.open_pictures::<P>()?, self.membership.run, self.sent.clone())?;
         self.writers.push(writer.refresh());
         Ok(writer)
     }
@@ -299,7 +323,16 @@ impl Context<'_> {
 
     /// Says that every message of the source stream `T` up to `seq` is answered for; lockstep playback goes by it.
     pub fn answered<T: Payload>(&mut self, seq: u64) {
-        self.report.answered = Some((T::SERVICE.name, seq));
+        self.answered_on(&T::SERVICE, seq);
+    }
+
+    /// As [`Context::answered`], for a stream of pictures.
+    pub fn answered_frames<P: Pictures>(&mut self, seq: u64) {
+        self.answered_on(&P::SERVICE, seq);
+    }
+
+    fn answered_on(&mut self, service: &Service, seq: u64) {
+        self.report.answered = Some((service.name, seq));
         self.report.answer_is_news = true;
     }
 }

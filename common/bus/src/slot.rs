@@ -1,7 +1,7 @@
 //! The payload as iceoryx2 sees it.
 
 use iceoryx2::prelude::ZeroCopySend;
-use messages::{Header, Payload};
+use messages::{FrameHeader, Header, Payload};
 
 /// A payload in shared memory.
 #[derive(Debug, Clone, Copy)]
@@ -27,5 +27,18 @@ pub(crate) struct HeaderSlot(pub(crate) Header);
 unsafe impl ZeroCopySend for HeaderSlot {
     unsafe fn type_name() -> &'static str {
         "stillmap/header"
+    }
+}
+
+/// The header of a picture in shared memory.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(transparent)]
+pub(crate) struct FrameHeaderSlot(pub(crate) FrameHeader);
+
+// SAFETY: `FrameHeader` is `bytemuck::Pod`, as above.
+#[expect(unsafe_code, reason = "iceoryx2's marker for types that may lie in shared memory")]
+unsafe impl ZeroCopySend for FrameHeaderSlot {
+    unsafe fn type_name() -> &'static str {
+        "stillmap/frame-header"
     }
 }

@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
-use messages::Payload;
+use messages::{Payload, Pictures};
 use rustix::event::{PollFd, PollFlags, poll};
 
 use crate::broken::BusError;
 use crate::domain::{DomainError, RunningDomain, join_members};
 use crate::fabric::Fabric;
+use crate::frame_reader::FrameReader;
 use crate::reader::Reader;
 use crate::shell::{drain, listener_descriptor, timespec};
 
@@ -40,6 +41,16 @@ impl Tool {
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
         let reader = Reader::new(&self.fabric.open()?, self.run)?;
+        self.listeners.extend(reader.listener());
+        Ok(reader)
+    }
+
+    /// Opens an input of pictures; they end a wait.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
+        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.run)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }

@@ -3,52 +3,25 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::{PortFactory, ipc};
 use messages::{Header, Kind, Payload};
 
 use crate::broken::BusError;
 use crate::fabric::{Opened, PubSub};
+use crate::outlet::{Outlet, Refresh};
 use crate::slot::{HeaderSlot, Slot};
+use crate::stream::checksum;
 
 /// Sends the messages of one service.
 pub struct Writer<T: Payload> {
-    ports: Rc<Ports<T>>,
-    sent: Rc<Cell<u64>>,
+    outlet: Rc<Outlet<Slot<T>, HeaderSlot>>,
     run: u64,
-    readers: usize,
-}
-
-struct Ports<T: Payload> {
-    publisher: Publisher<ipc::Service, Slot<T>, HeaderSlot>,
-    notifier: Option<Notifier<ipc::Service>>,
-    service: PubSub<T>,
-}
-
-/// Lets readers that joined since the last send have the history.
-pub(crate) trait Refresh {
-    fn refresh(&self);
-}
-
-impl<T: Payload> Refresh for Ports<T> {
-    fn refresh(&self) {
-        if let Err(error) = self.publisher.update_connections() {
-            tracing::warn!("a reader of {} cannot be reached: {error:?}", T::SERVICE.name);
-        }
-    }
 }
 
 impl<T: Payload> Writer<T> {
-    pub(crate) fn new(opened: Opened<T>, run: u64, sent: Rc<Cell<u64>>) -> Result<Self, BusError> {
+    pub(crate) fn new(opened: Opened<PubSub<T>>, run: u64, sent: Rc<Cell<u64>>) -> Result<Self, BusError> {
         let name = T::SERVICE.name;
         let publisher = opened.data.publisher_builder().create().map_err(|error| BusError::broken(name, error))?;
-        let notifier = match opened.wake {
-            Some(wake) => Some(wake.notifier_builder().create().map_err(|error| BusError::broken(name, error))?),
-            None => None,
-        };
-        Ok(Self { ports: Rc::new(Ports { publisher, notifier, service: opened.data }), sent, run, readers: 0 })
+        Ok(Self { outlet: Rc::new(Outlet::new(name, publisher, opened.data, opened.wake, sent)?), run })
     }
 
     /// Sends a copy of `payload`.
@@ -77,33 +50,26 @@ impl<T: Payload> Writer<T> {
 
     /// Whether a reader has joined since this was last asked.
     pub fn joined(&mut self) -> bool {
-        let readers = self.ports.service.dynamic_config().number_of_subscribers();
-        let joined = readers > self.readers;
-        self.readers = readers;
-        joined
+        self.outlet.joined()
     }
 
     pub(crate) fn refresh(&self) -> Rc<dyn Refresh> {
-        self.ports.clone()
+        self.outlet.clone()
     }
 
     fn transmit(&mut self, seq: u64, stamp_ns: u64, kind: Kind, fill: impl FnOnce(&mut T)) -> Result<(), BusError> {
         let name = T::SERVICE.name;
-        let mut sample = self.ports.publisher.loan_uninit().map_err(|error| BusError::refused("cannot loan for", name, error))?;
+        let mut sample = self.outlet.publisher.loan_uninit().map_err(|error| BusError::refused("cannot loan for", name, error))?;
         let zeroed = sample.payload_mut().write(Slot(bytemuck::Zeroable::zeroed()));
         fill(&mut zeroed.0);
-        let crc32 = crc32fast::hash(bytemuck::bytes_of(&zeroed.0));
-        *sample.user_header_mut() = HeaderSlot(Header { run: self.run, seq, stamp_ns, kind: kind as u32, crc32 });
+        let header = Header { run: self.run, seq, stamp_ns, kind: kind as u32, crc32: 0 };
+        let crc32 = checksum(&header, bytemuck::bytes_of(&zeroed.0));
+        *sample.user_header_mut() = HeaderSlot(Header { crc32, ..header });
         // SAFETY: the payload was written whole above.
         #[expect(unsafe_code, reason = "filled in place, so that large payloads are not copied over the stack")]
         let sample = unsafe { sample.assume_init() };
         sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
-        if let Some(notifier) = &self.ports.notifier
-            && let Err(error) = notifier.notify()
-        {
-            tracing::debug!("a reader of {name} was not woken: {error:?}");
-        }
-        self.sent.set(self.sent.get() + 1);
+        self.outlet.has_sent();
         Ok(())
     }
 }

@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use messages::{CameraMotion, FRAME_SERVICE, FilterVerdict, Payload, Service, SonarMotion, SonarScan, TruthScan, Walkers};
+use messages::{
+    CameraFrame, CameraMotion, FilterVerdict, Payload, Pictures, Service, SonarMotion, SonarScan, TruthMask, TruthScan, Walkers,
+};
 
 use crate::damage::{Fault, LogError};
 use crate::logged::{DecodeError, Logged};
@@ -227,14 +229,15 @@ impl Log {
 
 /// Whether the messages of a topic are one numbered stream.
 fn is_sequenced(topic: &str) -> bool {
-    const SERVICES: [Service; 7] = [
+    const SERVICES: [Service; 8] = [
         SonarScan::SERVICE,
         SonarMotion::SERVICE,
         CameraMotion::SERVICE,
         FilterVerdict::SERVICE,
         Walkers::SERVICE,
         TruthScan::SERVICE,
-        FRAME_SERVICE,
+        CameraFrame::SERVICE,
+        TruthMask::SERVICE,
     ];
     topic == POSE_TOPIC || SERVICES.iter().any(|service| service.sequenced && service.name == topic)
 }

@@ -1,4 +1,4 @@
-//! `camera/frame`: pictures, as bytes behind a header.
+//! `camera/…` and `truth/mask`: pictures, as bytes behind a header.
 
 use crate::layout::plain;
 use crate::{Header, Invalid, Qos, Service};
@@ -6,14 +6,62 @@ use crate::{Header, Invalid, Qos, Service};
 /// Largest picture on the bus: 640 × 480 in three bytes a pixel.
 pub const MAX_FRAME_BYTES: usize = 640 * 480 * 3;
 
-/// The service of camera pictures; its payload is a slice of bytes under a [`FrameHeader`].
-pub const FRAME_SERVICE: Service = Service {
-    name: "camera/frame",
-    version: 1,
-    qos: Qos { history: 4, buffer: 64, publishers: 3, subscribers: 8 },
-    wakes: true,
-    sequenced: true,
-};
+/// A service that carries pictures: a slice of bytes under a [`FrameHeader`].
+pub trait Pictures: core::fmt::Debug + 'static {
+    /// The service.
+    const SERVICE: Service;
+    /// Largest picture on it, bytes.
+    const MAX_BYTES: usize;
+}
+
+/// `camera/frame`: what the camera sees. Memory is what limits its history: at 640 × 480 in RGB the buffer is 37 MB.
+#[derive(Debug)]
+pub enum CameraFrame {}
+
+/// `camera/mask`: what SBS takes for moving in the frame of the same number, 255 where something moves; published while
+/// someone listens.
+#[derive(Debug)]
+pub enum CameraMask {}
+
+/// `camera/background`: what SBS takes for the picture without what moves; published while someone listens.
+#[derive(Debug)]
+pub enum CameraBackground {}
+
+/// `truth/mask`: what really moves in the frame of the same number, from a simulator: a pixel is the number of the walker it
+/// shows, 0 where there is none.
+#[derive(Debug)]
+pub enum TruthMask {}
+
+impl Pictures for CameraFrame {
+    const SERVICE: Service = Service {
+        name: "camera/frame",
+        version: 1,
+        qos: Qos { history: 24, buffer: 40, publishers: 3, subscribers: 8 },
+        wakes: true,
+        sequenced: true,
+    };
+    const MAX_BYTES: usize = MAX_FRAME_BYTES;
+}
+
+impl Pictures for CameraMask {
+    const SERVICE: Service = grey("camera/mask", Qos { history: 1, buffer: 8, publishers: 3, subscribers: 8 });
+    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
+}
+
+impl Pictures for CameraBackground {
+    const SERVICE: Service = grey("camera/background", Qos { history: 1, buffer: 8, publishers: 3, subscribers: 8 });
+    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
+}
+
+impl Pictures for TruthMask {
+    const SERVICE: Service = grey("truth/mask", CameraFrame::SERVICE.qos);
+    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
+}
+
+/// A stream of pictures with one byte a pixel.
+const fn grey(name: &'static str, qos: Qos) -> Service {
+    Service { name, version: 1, qos, wakes: true, sequenced: true }
+}
 
 /// How a pixel is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,6 +121,21 @@ plain! {
 }
 
 impl FrameLayout {
+    /// Rows that follow each other without a gap.
+    #[must_use]
+    pub fn packed(width: u32, height: u32, format: PixelFormat) -> Self {
+        Self { width, height, stride: width.saturating_mul(format.bytes_per_pixel() as u32), format: format as u32 }
+    }
+
+    /// Bytes of a picture of this shape: its rows with the gaps between them. A format that is none counts one byte a pixel.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let pixel = PixelFormat::from_number(self.format).map_or(1, PixelFormat::bytes_per_pixel);
+        let row = (self.width as usize).saturating_mul(pixel);
+        let rows_above = (self.height as usize).saturating_sub(1);
+        (self.stride as usize).saturating_mul(rows_above).saturating_add(row)
+    }
+
     /// Checks the shape against the number of bytes that came with it.
     ///
     /// # Errors
@@ -88,8 +151,7 @@ impl FrameLayout {
         within("height", f64::from(self.height), 16.0, 480.0, "16 to 480 rows")?;
         let row = self.width as usize * format.bytes_per_pixel();
         within("stride", f64::from(self.stride), row as f64, 4096.0, "at least a row's bytes, at most 4096")?;
-        let needed = self.stride as usize * (self.height as usize - 1) + row;
-        within("bytes", bytes as f64, needed as f64, MAX_FRAME_BYTES as f64, "stride × (height − 1) + a row")?;
+        within("bytes", bytes as f64, self.bytes() as f64, MAX_FRAME_BYTES as f64, "stride × (height − 1) + a row")?;
         Ok(format)
     }
 }

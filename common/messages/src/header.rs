@@ -13,7 +13,7 @@ plain! {
         pub stamp_ns: u64,
         /// [`Kind`] as a number.
         pub kind: u32,
-        /// CRC-32 of the payload's bytes.
+        /// CRC-32 of the message: the header, in which this field is 0, and the payload's bytes.
         pub crc32: u32,
     }
 }

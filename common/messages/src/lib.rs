@@ -20,7 +20,7 @@ mod service;
 mod truth;
 mod verdict;
 
-pub use camera::{FRAME_SERVICE, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat};
+pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, Pictures, PixelFormat, TruthMask};
 pub use header::{Header, Kind};
 pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,

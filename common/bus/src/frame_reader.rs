@@ -1,0 +1,144 @@
+//! One input of pictures: in order, each once, each with bytes that fit its shape.
+
+use std::cell::RefCell;
+use std::marker::PhantomData;
+use std::rc::Rc;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::ipc;
+use iceoryx2::sample::Sample;
+use messages::{FrameHeader, FrameLayout, Header, InputCounters, Pictures, PixelFormat};
+
+use crate::broken::BusError;
+use crate::fabric::{Opened, PicturePubSub, listener};
+use crate::slot::FrameHeaderSlot;
+use crate::stream::{Admission, Received, Stream, checksum};
+
+/// Receives the pictures of one service, under the rules of [`Reader`](crate::Reader).
+pub struct FrameReader<P: Pictures> {
+    subscriber: Subscriber<ipc::Service, [u8], FrameHeaderSlot>,
+    listener: Option<Rc<Listener<ipc::Service>>>,
+    stream: Stream,
+    refused: Option<RefusedFrame>,
+    service: PhantomData<P>,
+}
+
+/// A picture in shared memory, checked; it goes back to its sender when dropped.
+pub struct Frame<P: Pictures> {
+    sample: Sample<ipc::Service, [u8], FrameHeaderSlot>,
+    format: PixelFormat,
+    lost_before: u64,
+    service: PhantomData<P>,
+}
+
+/// A picture that arrived whole and was refused: its shape does not fit its bytes, or its time runs backwards.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RefusedFrame {
+    /// Its place in the stream.
+    pub seq: u64,
+    /// Sensor time, ns, as it says.
+    pub stamp_ns: u64,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+impl<P: Pictures> FrameReader<P> {
+    pub(crate) fn new(opened: &Opened<PicturePubSub>, run: u64) -> Result<Self, BusError> {
+        let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(P::SERVICE.name, error))?;
+        let stream = Stream::new(P::SERVICE, run);
+        Ok(Self { subscriber, listener: listener(opened)?, stream, refused: None, service: PhantomData })
+    }
+
+    /// The next picture, if one waits.
+    ///
+    /// # Errors
+    /// When the connection to a sender cannot be made, or more pictures are held than a reader may.
+    pub fn take(&mut self) -> Result<Option<Received<Frame<P>>>, BusError> {
+        loop {
+            let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", P::SERVICE.name, error))?;
+            let Some(sample) = received else { return Ok(None) };
+            let FrameHeader { header, layout } = sample.user_header().0;
+            let bytes = sample.payload();
+            let found = || checksum(&FrameHeader { header: Header { crc32: 0, ..header }, layout }, bytes);
+            let mut format = PixelFormat::Grey;
+            let validate = || layout.validate(bytes.len()).map(|found| format = found);
+            match self.stream.admit(&header, found, validate) {
+                Admission::Message { lost_before } => {
+                    return Ok(Some(Received::Message(Frame { sample, format, lost_before, service: PhantomData })));
+                }
+                Admission::End { seq } => return Ok(Some(Received::End { seq })),
+                Admission::Refused { problem } => {
+                    self.refused = Some(RefusedFrame { seq: header.seq, stamp_ns: header.stamp_ns, problem });
+                }
+                Admission::Dropped => (),
+            }
+        }
+    }
+
+    /// The last picture that was refused since this was last asked: who answers for every picture answers for it, too.
+    pub fn take_refused(&mut self) -> Option<RefusedFrame> {
+        self.refused.take()
+    }
+
+    /// Takes everything up to `seq` as received: a process that restarts goes on after what its checkpoint includes.
+    pub fn skip_to(&mut self, seq: u64) {
+        self.stream.skip_to(seq);
+    }
+
+    /// Whether the end of the stream has been taken.
+    #[must_use]
+    pub fn ended(&self) -> bool {
+        self.stream.ended()
+    }
+
+    pub(crate) fn listener(&self) -> Option<Rc<Listener<ipc::Service>>> {
+        self.listener.clone()
+    }
+
+    pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
+        self.stream.counters()
+    }
+}
+
+impl<P: Pictures> Frame<P> {
+    /// Its place in the source stream.
+    #[must_use]
+    pub fn seq(&self) -> u64 {
+        self.header().header.seq
+    }
+
+    /// Sensor time, ns.
+    #[must_use]
+    pub fn stamp_ns(&self) -> u64 {
+        self.header().header.stamp_ns
+    }
+
+    /// Pictures missing between the one before and this one.
+    #[must_use]
+    pub fn lost_before(&self) -> u64 {
+        self.lost_before
+    }
+
+    /// Its shape, which fits [`Frame::bytes`].
+    #[must_use]
+    pub fn layout(&self) -> FrameLayout {
+        self.header().layout
+    }
+
+    /// How its pixels are stored.
+    #[must_use]
+    pub fn format(&self) -> PixelFormat {
+        self.format
+    }
+
+    /// Its bytes, at least as many as its shape needs.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.sample.payload()
+    }
+
+    fn header(&self) -> &FrameHeader {
+        &self.sample.user_header().0
+    }
+}

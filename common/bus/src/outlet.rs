@@ -1,0 +1,74 @@
+//! The sender's side of one service: its port, its event and its count.
+
+use std::cell::Cell;
+use std::fmt::Debug;
+use std::rc::Rc;
+
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{IceoryxSend, PortFactory, ZeroCopySend, ipc};
+use iceoryx2::service::port_factory::publish_subscribe;
+
+use crate::broken::BusError;
+use crate::fabric::Wake;
+
+/// Lets readers that joined since the last send have the history.
+pub(crate) trait Refresh {
+    fn refresh(&self);
+}
+
+/// A port that sends payloads `P` under headers `H`.
+pub(crate) struct Outlet<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + ZeroCopySend + 'static> {
+    pub(crate) publisher: Publisher<ipc::Service, P, H>,
+    notifier: Option<Notifier<ipc::Service>>,
+    service: publish_subscribe::PortFactory<ipc::Service, P, H>,
+    name: &'static str,
+    sent: Rc<Cell<u64>>,
+    readers: Cell<usize>,
+}
+
+impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Refresh for Outlet<P, H> {
+    fn refresh(&self) {
+        if let Err(error) = self.publisher.update_connections() {
+            tracing::warn!("a reader of {} cannot be reached: {error:?}", self.name);
+        }
+    }
+}
+
+impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Outlet<P, H> {
+    pub(crate) fn new(
+        name: &'static str,
+        publisher: Publisher<ipc::Service, P, H>,
+        service: publish_subscribe::PortFactory<ipc::Service, P, H>,
+        wake: Option<Wake>,
+        sent: Rc<Cell<u64>>,
+    ) -> Result<Self, BusError> {
+        let notifier = match wake {
+            Some(wake) => Some(wake.notifier_builder().create().map_err(|error| BusError::broken(name, error))?),
+            None => None,
+        };
+        Ok(Self { publisher, notifier, service, name, sent, readers: Cell::new(0) })
+    }
+
+    /// To be called after each send: wakes the readers and counts.
+    pub(crate) fn has_sent(&self) {
+        if let Some(notifier) = &self.notifier
+            && let Err(error) = notifier.notify()
+        {
+            tracing::debug!("a reader of {} was not woken: {error:?}", self.name);
+        }
+        self.sent.set(self.sent.get() + 1);
+    }
+
+    /// How many readers there are.
+    pub(crate) fn readers(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+
+    /// Whether a reader has joined since this was last asked.
+    pub(crate) fn joined(&self) -> bool {
+        let readers = self.readers();
+        readers > self.readers.replace(readers)
+    }
+}
