@@ -32,7 +32,7 @@ pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover,
 pub use name::Text;
 pub use scan::{MAX_READINGS, Pose, SonarReading, SonarScan};
 pub use service::{Invalid, Payload, Qos, Service};
-pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, Surface, TrueReading, TruthScan, TruthSurfaces};
+pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, MAX_TRUE_WALKERS, Surface, TrueReading, TruthScan, TruthSurfaces};
 pub use verdict::{
     FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, MAX_TRACKED_WALKERS, OutlookScan, TrackedWalker, UpdateRegion,
     VerdictOutlook, Walkers,

@@ -7,6 +7,9 @@ use crate::{Invalid, MAX_READINGS, Payload, Pose, Qos, Service};
 /// Most surfaces in one piece of the world.
 pub const MAX_SURFACES_PER_CHUNK: usize = 64;
 
+/// Most walkers in one packet's truth.
+pub const MAX_TRUE_WALKERS: usize = 16;
+
 /// What an echo came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -47,7 +50,7 @@ plain! {
         /// The first `count` entries are readings, the rest is zero.
         pub readings: [TrueReading; MAX_READINGS],
         /// x and y of each walker in the world's frame, m; the first `walkers_count` are valid.
-        pub walkers_m: [[f64; 2]; 16],
+        pub walkers_m: [[f64; 2]; MAX_TRUE_WALKERS],
         /// Number of readings.
         pub count: u32,
         /// Number of walkers.
@@ -86,7 +89,7 @@ impl Payload for TruthScan {
         self.pose.validate()?;
         self.odometry.validate()?;
         at_most("count", self.count, MAX_READINGS, "at most 16")?;
-        at_most("walkers_count", self.walkers_count, 16, "at most 16")?;
+        at_most("walkers_count", self.walkers_count, MAX_TRUE_WALKERS, "at most 16")?;
         for reading in &self.readings[..self.count as usize] {
             within("readings.range_m", reading.range_m, 0.0, 10.0, "0 to 10 m")?;
             at_most("readings.label", reading.label, 4, "0 to 4")?;

@@ -1,5 +1,6 @@
 //! A drive through STD, FTI and the mapper, in this process.
 
+use mapping::Mapper;
 use messages::{EchoLabel, FilterVerdict, Layer, SonarMotion};
 use stillmap_std::Std;
 
@@ -81,15 +82,23 @@ fn collect(outcome: &mut Outcome, verdicts: Vec<fti::Verdict>) {
 /// # Errors
 /// Settings or verdicts that the mapper refuses.
 pub fn judge(drive: &Drive, settings: &settings::Mapping, verdicts: &[FilterVerdict]) -> Result<Occupancy, FilterError> {
-    let settings = settings::Mapping { expect_verdicts: true, keep_unfiltered: false, ..settings.clone() };
-    let mut mapper = mapping::Mapper::new(mapping::Parameters::new(&settings, settings::Pace::Lockstep)?);
+    Ok(Occupancy::of(&mapped(drive, settings, verdicts)?, Layer::Filtered))
+}
+
+/// The mapper of a drive under these verdicts, with everything decided; its unfiltered layer is the map without verdicts.
+///
+/// # Errors
+/// Settings or verdicts that the mapper refuses.
+pub fn mapped(drive: &Drive, settings: &settings::Mapping, verdicts: &[FilterVerdict]) -> Result<Mapper, FilterError> {
+    let settings = settings::Mapping { expect_verdicts: true, keep_unfiltered: true, ..settings.clone() };
+    let mut mapper = Mapper::new(mapping::Parameters::new(&settings, settings::Pace::Lockstep)?);
     for (Scan { seq, stamp_ns, scan, .. }, verdict) in drive.scans.iter().zip(verdicts) {
         mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan })?;
         mapper.step(mapping::Input::Verdict { seq: *seq, verdict })?;
     }
     mapper.step(mapping::Input::End)?;
     mapper.refresh();
-    Ok(Occupancy::of(&mapper, Layer::Filtered))
+    Ok(mapper)
 }
 
 /// The verdicts of who knows where each echo came from: all that came from a walker, straight or by a mirror, are withheld.

@@ -7,13 +7,17 @@
 mod drive;
 mod judge;
 mod occupancy;
+mod recorded;
 mod score;
+mod trial;
 mod truth;
 mod variation;
 
 pub use drive::{Drive, Eyes, Frame, Scan};
-pub use judge::{Filter, FilterError, Outcome, filter, judge, oracle, unfiltered};
+pub use judge::{Filter, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
 pub use occupancy::Occupancy;
+pub use recorded::{NoTruth, Numbered, Recorded};
 pub use score::{Detection, Labels, Score, Tally, track_errors_m};
+pub use trial::{Trial, reference};
 pub use truth::Truth;
 pub use variation::{Variation, VariationError, read_world};

@@ -203,6 +203,18 @@ pub struct Detection {
 }
 
 impl Detection {
+    /// Both counts together.
+    #[must_use]
+    pub fn with(&self, other: &Self) -> Self {
+        Self {
+            walker_echoes: self.walker_echoes + other.walker_echoes,
+            detected: self.detected + other.detected,
+            reported: self.reported + other.reported,
+            false_alarms: self.false_alarms + other.false_alarms,
+            minutes: self.minutes + other.minutes,
+        }
+    }
+
     /// Counts STD's answers; sonars that look further aside than `aside_rad` take no part.
     #[must_use]
     pub fn count(drive: &Drive, motions: &[SonarMotion], aside_rad: f64) -> Self {

@@ -17,7 +17,12 @@ pub struct Truth {
     pub surfaces_m: Vec<[[f64; 2]; 2]>,
     /// Every place of a walker, m.
     pub ways_m: Vec<[f64; 2]>,
+    /// The same as ways, one after the other, m.
+    pub walkers_m: Vec<Vec<[f32; 2]>>,
 }
+
+/// Farther than this nobody walks between two packets, m.
+const LEAP_M: f64 = 0.6;
 
 impl Truth {
     pub(crate) fn new(surfaces: &[TruthSurfaces], scans: &[Scan]) -> Self {
@@ -25,7 +30,7 @@ impl Truth {
         let pieces = surfaces.iter().flat_map(|chunk| &chunk.surfaces[..chunk.count as usize]);
         let surfaces_m = pieces.map(|piece| [in_map(&start, piece.from_m), in_map(&start, piece.to_m)]).collect();
         let places = scans.iter().flat_map(|scan| &scan.truth.walkers_m[..scan.truth.walkers_count as usize]);
-        Self { surfaces_m, ways_m: places.map(|place| in_map(&start, *place)).collect() }
+        Self { surfaces_m, ways_m: places.map(|place| in_map(&start, *place)).collect(), walkers_m: ways(&start, scans) }
     }
 
     /// Places on the surfaces, a step apart.
@@ -38,6 +43,27 @@ impl Truth {
             })
         })
     }
+}
+
+/// The walkers' ways; whoever comes and goes takes another place in the list, which begins a new way.
+fn ways(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
+    let mut ways: Vec<Vec<[f32; 2]>> = Vec::new();
+    for number in 0..messages::MAX_TRUE_WALKERS {
+        let mut last: Option<[f64; 2]> = None;
+        for scan in scans {
+            let places = &scan.truth.walkers_m[..scan.truth.walkers_count as usize];
+            let place = places.get(number).map(|place| in_map(start, *place));
+            if let Some(place) = place {
+                let goes_on = last.is_some_and(|last| (place[0] - last[0]).hypot(place[1] - last[1]) < LEAP_M);
+                if !goes_on {
+                    ways.push(Vec::new());
+                }
+                ways.last_mut().into_iter().for_each(|way| way.push(place.map(|number| number as f32)));
+            }
+            last = place;
+        }
+    }
+    ways
 }
 
 /// A place of the world's frame in the map's, whose origin is the robot's start.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, VerdictOutlook, WayChunk};
 
-use grid::TileKey;
+use grid::{CellSize, TileKey};
 
 use crate::Parameters;
 use crate::digest::digest;
@@ -320,6 +320,12 @@ impl Mapper {
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// Edge of a cell.
+    #[must_use]
+    pub fn cell_size(&self) -> CellSize {
+        self.parameters.cell
     }
 
     /// Number of scans within the horizon.

@@ -239,7 +239,7 @@ impl Mapping {
 
     /// Writes the files and says that the map is finished.
     fn finish(&mut self) -> Result<(), StepError> {
-        for path in write_files(&self.out, &self.copy().files()?)? {
+        for path in write_files(&self.out, &MapCopy::of(&self.mapper).files()?)? {
             tracing::info!("wrote {}", path.display());
         }
         let (seq, stamp_ns) = self.mapper.last_scan();
@@ -248,15 +248,6 @@ impl Mapping {
         self.tiles.end(seq, stamp_ns)?;
         self.way.end(seq, stamp_ns)?;
         Ok(())
-    }
-
-    fn copy(&self) -> MapCopy {
-        let mut copy = MapCopy::default();
-        for &layer in self.layers {
-            self.mapper.shown_tiles(layer).for_each(|tile| copy.take_tile(&tile));
-        }
-        copy.set_way(self.mapper.way_m());
-        copy
     }
 }
 

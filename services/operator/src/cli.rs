@@ -64,8 +64,7 @@ pub(crate) enum Command {
         which: Which,
     },
     /// Tells how good results are, against the truth
-    #[command(subcommand)]
-    Evaluate(EvaluateCommand),
+    Evaluate(EvaluateOptions),
     /// Looks at, repairs or imports logs
     #[command(subcommand)]
     Log(LogCommand),
@@ -121,6 +120,58 @@ pub(crate) enum Pace {
     Live,
 }
 
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct EvaluateOptions {
+    #[command(subcommand)]
+    pub(crate) command: Option<EvaluateCommand>,
+    #[command(flatten)]
+    pub(crate) drives: DriveOptions,
+}
+
+#[derive(Debug, Clone, Args)]
+#[command(group = clap::ArgGroup::new("drives").required(true))]
+pub(crate) struct DriveOptions {
+    /// A simulated drive: its log, or the folder that holds it
+    #[arg(value_name = "RUN", group = "drives")]
+    pub(crate) run: Option<PathBuf>,
+    /// Worlds to drive through in this process, without a bus: every seed with every number of walkers
+    #[arg(long, value_name = "FILE", group = "drives", num_args = 1..)]
+    pub(crate) world: Vec<PathBuf>,
+    /// Seeds of noise and of when and where the walkers walk
+    #[arg(long, value_name = "FIRST..LAST", default_value = "1..2", requires = "world")]
+    pub(crate) seeds: NumberRange,
+    /// Numbers of walkers; those of the file when not given
+    #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "world")]
+    pub(crate) walkers: Vec<u32>,
+    /// What decides about readings
+    #[arg(long, value_enum, default_value_t = Rule::Full, requires = "world")]
+    pub(crate) rule: Rule,
+    /// So many times the usual errors of the camera's calibration
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor, requires = "world")]
+    pub(crate) errors: f64,
+    /// A settings file whose sections to go by in the worlds; those of the demo when not given
+    #[arg(long, value_name = "FILE", requires = "world")]
+    pub(crate) settings: Option<PathBuf>,
+    /// Folder for a picture of each drive: every reading beside what is left; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What decides about readings in a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Rule {
+    /// As the settings say, by sonars and camera
+    Full,
+    /// The same without a camera
+    Sonar,
+    /// The paper as printed, with a camera that makes no mistakes
+    Paper,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum EvaluateCommand {
     /// Scores what moves in a camera's pictures: finds it and compares it with the truth, pixel by pixel
@@ -143,7 +194,7 @@ pub(crate) struct CameraOptions {
     pub(crate) out: Option<PathBuf>,
     /// Frames that are scored, counted from 0
     #[arg(long, value_name = "FIRST..LAST", default_value = "30..119")]
-    pub(crate) frames: FrameRange,
+    pub(crate) frames: NumberRange,
     /// Row of the horizon as a share of the height: shadow is looked for below it; 0 for a camera that looks down, 1 for no shadow
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = share)]
     pub(crate) horizon: f32,
@@ -152,14 +203,14 @@ pub(crate) struct CameraOptions {
     pub(crate) compensation: Compensation,
 }
 
-/// Numbers of frames, both included.
+/// Whole numbers from one to another, both included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct FrameRange {
+pub(crate) struct NumberRange {
     pub(crate) first: u64,
     pub(crate) last: u64,
 }
 
-impl FromStr for FrameRange {
+impl FromStr for NumberRange {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -171,7 +222,7 @@ impl FromStr for FrameRange {
     }
 }
 
-impl Display for FrameRange {
+impl Display for NumberRange {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} to {}", self.first, self.last)
     }
@@ -238,6 +289,13 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if (0.0..=10.0).contains(&factor) => Ok(factor),
+        _ => Err("expected a number from 0 to 10".to_owned()),
+    }
+}
+
 fn share(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
@@ -265,9 +323,9 @@ mod tests {
 
     #[test]
     fn a_range_of_frames_runs_forwards() {
-        assert_eq!("30..119".parse(), Ok(FrameRange { first: 30, last: 119 }));
+        assert_eq!("30..119".parse(), Ok(NumberRange { first: 30, last: 119 }));
         for wrong in ["", "30", "..", "30..", "..119", "119..30", "-1..4", "a..b", "1..2..3"] {
-            assert!(wrong.parse::<FrameRange>().is_err(), "{wrong}");
+            assert!(wrong.parse::<NumberRange>().is_err(), "{wrong}");
         }
     }
 

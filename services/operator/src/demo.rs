@@ -2,12 +2,14 @@
 
 use crate::cli::RunOptions;
 use crate::drive::{drive, place_output};
+use crate::evaluate::conclude;
 use crate::exit::BadInput;
+use crate::output;
 use indicatif::MultiProgress;
-use settings::{Name, Settings};
+use settings::{BuiltIn, Name, Settings};
 use std::path::{Path, PathBuf};
 
-const SETTINGS: &str = include_str!("../../../config/demo.toml");
+pub(crate) const SETTINGS: &str = include_str!("../../../config/demo.toml");
 const WORLD: &str = include_str!("../../../config/worlds/corridor.toml");
 /// Fast enough not to bore, slow enough to look at.
 const SPEED: f64 = 10.0;
@@ -26,7 +28,13 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
     let speed = options.speed.unwrap_or(SPEED);
     tracing::info!("a simulated Pioneer 1 drives down a corridor with people in it, {speed} times faster than a real one");
     tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
-    drive(&settings, speed, bars)
+    let code = drive(&settings, speed, bars)?;
+    if code == 0 && settings.runs(BuiltIn::Recorder) {
+        let log = settings.out.join(settings.recorder.file.as_str());
+        output::line(&format!("ghosts     {}", conclude(&settings.out, &log)?))?;
+        output::line(&format!("           {}", settings.out.join("comparison.png").display()))?;
+    }
+    Ok(code)
 }
 
 /// A name that no other run on this machine has: runs side by side never meet.

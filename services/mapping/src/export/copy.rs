@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 
 use messages::{Layer, MapTile, WayChunk};
 
+use crate::Mapper;
+
+use super::comparison::side_by_side;
 use super::picture::picture;
 use super::rectangle::Rectangle;
 use super::ros::{pgm, yaml};
@@ -16,6 +19,7 @@ pub struct MapCopy {
     unfiltered: LayerCopy,
     way_m: Vec<[f32; 2]>,
     way_total: u64,
+    walkers_m: Vec<Vec<[f32; 2]>>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -26,6 +30,17 @@ struct LayerCopy {
 }
 
 impl MapCopy {
+    /// What a mapper shows.
+    #[must_use]
+    pub fn of(mapper: &Mapper) -> Self {
+        let mut copy = Self::default();
+        for layer in [Layer::Filtered, Layer::Unfiltered] {
+            mapper.shown_tiles(layer).for_each(|tile| copy.take_tile(&tile));
+        }
+        copy.set_way(mapper.way_m());
+        copy
+    }
+
     /// Takes a tile, in place of the one that was there.
     pub fn take_tile(&mut self, tile: &MapTile) {
         let layer = match Layer::from_number(tile.layer) {
@@ -55,6 +70,11 @@ impl MapCopy {
         self.way_total = way_m.len() as u64;
     }
 
+    /// Takes the ways of the walkers, in the map frame, m: they are drawn into the comparison.
+    pub fn set_walkers(&mut self, walkers_m: Vec<Vec<[f32; 2]>>) {
+        self.walkers_m = walkers_m;
+    }
+
     /// Whether nothing is missing that the owner had when it sent what was taken last.
     #[must_use]
     pub fn is_whole(&self) -> bool {
@@ -68,7 +88,8 @@ impl MapCopy {
         (self.filtered.tiles.len(), self.filtered.expected as usize)
     }
 
-    /// `map.pgm` and `map.yaml` as map_server and nav2 read them, `map.png` for people, and `unfiltered.png` when that layer is there.
+    /// `map.pgm` and `map.yaml` as map_server and nav2 read them, `map.png` for people, and, when that layer is
+    /// there, `unfiltered.png` and `comparison.png` with both side by side.
     ///
     /// # Errors
     /// When the map is too large for one picture, or encoding fails.
@@ -81,14 +102,28 @@ impl MapCopy {
         ];
         if !self.unfiltered.tiles.is_empty() {
             files.push(self.picture("unfiltered.png", &Rectangle::around(self.unfiltered.tiles.values())?)?);
+            files.push(self.comparison()?);
         }
         Ok(files)
     }
 
-    fn picture(&self, file: &'static str, map: &Rectangle) -> Result<MapFile, ExportError> {
-        let mut contents = std::io::Cursor::new(Vec::new());
-        let encoded = picture(map, &self.way_m).write_to(&mut contents, image::ImageFormat::Png);
-        encoded.map_err(|source| ExportError::Encode { file, source })?;
-        Ok(MapFile { name: file, contents: contents.into_inner() })
+    /// `comparison.png`: the map of every reading beside the map without what moves, with the ways of the walkers drawn thin
+    /// (Fig. 10 of the paper).
+    ///
+    /// # Errors
+    /// When the map is too large for one picture, or encoding fails.
+    pub fn comparison(&self) -> Result<MapFile, ExportError> {
+        let [unfiltered, map] = [&self.unfiltered, &self.filtered].map(|layer| Rectangle::around(layer.tiles.values()));
+        png("comparison.png", &side_by_side(&unfiltered?, &map?, &self.way_m, &self.walkers_m))
     }
+
+    fn picture(&self, file: &'static str, map: &Rectangle) -> Result<MapFile, ExportError> {
+        png(file, &picture(map, &self.way_m))
+    }
+}
+
+fn png(file: &'static str, image: &image::RgbImage) -> Result<MapFile, ExportError> {
+    let mut contents = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut contents, image::ImageFormat::Png).map_err(|source| ExportError::Encode { file, source })?;
+    Ok(MapFile { name: file, contents: contents.into_inner() })
 }

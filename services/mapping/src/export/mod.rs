@@ -1,6 +1,7 @@
 //! The map as files: for ROS and nav2, and as a picture for people. Contents are made here; writing them is the shell's.
 
 mod canvas;
+mod comparison;
 mod copy;
 mod font;
 mod picture;

@@ -11,19 +11,19 @@ const LONG_SIDE: usize = 1400;
 /// Most pixels along a cell's edge: small maps need no more.
 const MAX_SCALE: usize = 24;
 
-const PAPER: Colour = Rgb([255, 255, 255]);
-const INK: Colour = Rgb([40, 44, 52]);
+pub(super) const PAPER: Colour = Rgb([255, 255, 255]);
+pub(super) const INK: Colour = Rgb([40, 44, 52]);
 const FREE: Colour = Rgb([252, 252, 250]);
-const UNKNOWN: Colour = Rgb([186, 190, 196]);
+pub(super) const UNKNOWN: Colour = Rgb([186, 190, 196]);
 const WALL: Colour = Rgb([24, 28, 38]);
-const WAY: Colour = Rgb([38, 110, 220]);
+pub(super) const WAY: Colour = Rgb([38, 110, 220]);
 const START: Colour = Rgb([30, 160, 80]);
 const END: Colour = Rgb([215, 50, 50]);
 
 /// The strip below the map, with the scale bar and what the colours mean, px.
-const LEGEND_HEIGHT: u32 = 56;
-const PADDING: u32 = 24;
-const TEXT_SCALE: u32 = 3;
+pub(super) const LEGEND_HEIGHT: u32 = 56;
+pub(super) const PADDING: u32 = 24;
+pub(super) const TEXT_SCALE: u32 = 3;
 /// Log-odds from which a cell is drawn in its full colour: a few readings that agree.
 const CERTAIN: f32 = 1.8;
 
@@ -37,16 +37,57 @@ pub(super) fn picture(map: &Rectangle, way_m: &[[f32; 2]]) -> RgbImage {
     let left = (total_width - width) / 2;
 
     let mut image = RgbImage::from_pixel(total_width, height + LEGEND_HEIGHT, UNKNOWN);
-    for (row, cells) in map.rows_from_top().enumerate() {
-        for (column, &log_odds) in cells.iter().enumerate() {
-            let (x, y) = (left + (column * scale) as u32, (row * scale) as u32);
-            fill(&mut image, x, y, scale as u32, scale as u32, shade(log_odds));
-        }
-    }
-    draw_way(&mut image, map, way_m, scale, left);
+    let view = View { map, scale, left, top: 0 };
+    view.draw(&mut image);
+    view.draw_way(&mut image, way_m);
     fill(&mut image, 0, height, total_width, LEGEND_HEIGHT, PAPER);
     legend.draw(&mut image, height + LEGEND_HEIGHT / 2);
     image
+}
+
+/// Where on a picture a map lies.
+pub(super) struct View<'a> {
+    pub(super) map: &'a Rectangle,
+    /// Pixels along a cell's edge.
+    pub(super) scale: usize,
+    /// Pixels beside it.
+    pub(super) left: u32,
+    /// Pixels above it.
+    pub(super) top: u32,
+}
+
+impl View<'_> {
+    pub(super) fn draw(&self, image: &mut RgbImage) {
+        let edge = self.scale as u32;
+        for (row, cells) in self.map.rows_from_top().enumerate() {
+            for (column, &log_odds) in cells.iter().enumerate() {
+                fill(image, self.left + column as u32 * edge, self.top + row as u32 * edge, edge, edge, shade(log_odds));
+            }
+        }
+    }
+
+    /// The robot's way with its start and end.
+    pub(super) fn draw_way(&self, image: &mut RgbImage, way_m: &[[f32; 2]]) {
+        let points = self.points(way_m);
+        let (Some(start), Some(end)) = (points.first(), points.last()) else { return };
+        line(image, &points, 2.5, WAY);
+        for (place, colour) in [(start, START), (end, END)] {
+            disc(image, *place, 9.0, PAPER);
+            disc(image, *place, 7.0, colour);
+        }
+    }
+
+    /// Places of the map frame, m, as pixels.
+    pub(super) fn points(&self, places_m: &[[f32; 2]]) -> Vec<[f64; 2]> {
+        let pixels_per_m = self.scale as f64 / self.map.cell_m;
+        let bottom = f64::from(self.top) + (self.map.rows * self.scale) as f64;
+        let to_pixels = |&[x, y]: &[f32; 2]| {
+            let right = (f64::from(x) - self.map.origin_m[0]) * pixels_per_m;
+            let up = (f64::from(y) - self.map.origin_m[1]) * pixels_per_m;
+            [f64::from(self.left) + right, bottom - up]
+        };
+        places_m.iter().map(to_pixels).collect()
+    }
 }
 
 fn shade(log_odds: f32) -> Colour {
@@ -57,22 +98,6 @@ fn shade(log_odds: f32) -> Colour {
         *channel = (f32::from(*channel) + (f32::from(target) - f32::from(*channel)) * share).round() as u8;
     }
     shade
-}
-
-fn draw_way(image: &mut RgbImage, map: &Rectangle, way_m: &[[f32; 2]], scale: usize, left: u32) {
-    let pixels_per_m = scale as f64 / map.cell_m;
-    let to_pixels = |&[x, y]: &[f32; 2]| {
-        let right = (f64::from(x) - map.origin_m[0]) * pixels_per_m;
-        let up = (f64::from(y) - map.origin_m[1]) * pixels_per_m;
-        [f64::from(left) + right, (map.rows * scale) as f64 - up]
-    };
-    let points: Vec<[f64; 2]> = way_m.iter().map(to_pixels).collect();
-    let (Some(start), Some(end)) = (points.first(), points.last()) else { return };
-    line(image, &points, 2.5, WAY);
-    for (place, colour) in [(start, START), (end, END)] {
-        disc(image, *place, 9.0, PAPER);
-        disc(image, *place, 7.0, colour);
-    }
 }
 
 /// The scale bar and the names of the colours.

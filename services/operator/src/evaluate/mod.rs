@@ -1,13 +1,52 @@
 //! `stillmap evaluate`: how good results are, against the truth.
 
 mod camera;
+mod recording;
+mod report;
+mod sweep;
 
-use crate::cli::EvaluateCommand;
+use crate::cli::{EvaluateCommand, EvaluateOptions};
+use crate::output;
+use ::evaluate::Trial;
 use indicatif::MultiProgress;
+use report::{Report, Row};
+use std::path::{Path, PathBuf};
 
 /// Carries out an `evaluate` command; the exit code.
-pub(crate) fn evaluate(command: &EvaluateCommand, bars: &MultiProgress) -> anyhow::Result<u8> {
-    match command {
-        EvaluateCommand::Camera(options) => camera::camera(options, bars),
+pub(crate) fn evaluate(options: &EvaluateOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let drives = &options.drives;
+    let report = match (&options.command, &drives.run) {
+        (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
+        (None, Some(run)) => {
+            let judged = recording::judge(run)?;
+            if let Some(folder) = &drives.out {
+                let path = write_comparison(folder, &judged.trial)?;
+                tracing::info!("wrote {}", path.display());
+            }
+            if !judged.with_reference {
+                tracing::warn!("the world of the drive is not at hand: what needs the drive without walkers is judged by the true labels");
+            }
+            Report::of(vec![Row::new(run.display().to_string(), None, None, &judged.trial)])
+        }
+        (None, None) => sweep::sweep(drives, bars)?,
+    };
+    if drives.json {
+        output::line(&serde_json::to_string_pretty(&report)?)?;
+    } else {
+        output::write(&report.to_string())?;
     }
+    Ok(0)
+}
+
+/// Judges the log of a drive that has just ended, puts the walkers' ways into its comparison, and says the figures in a line.
+pub(crate) fn conclude(folder: &Path, log: &Path) -> anyhow::Result<String> {
+    let judged = recording::judge(log)?;
+    write_comparison(folder, &judged.trial)?;
+    Ok(report::sentence(&judged.trial))
+}
+
+/// Writes `comparison.png`; its path.
+fn write_comparison(folder: &Path, trial: &Trial) -> anyhow::Result<PathBuf> {
+    let mut paths = mapping::write_files(folder, &[trial.map.comparison()?])?;
+    Ok(paths.pop().unwrap_or_else(|| folder.to_owned()))
 }

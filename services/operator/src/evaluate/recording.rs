@@ -1,0 +1,69 @@
+//! The log of a drive, judged.
+
+use crate::exit::BadInput;
+use drivelog::{Entry, Log, Logged};
+use evaluate::{Drive, Numbered, Occupancy, Recorded, Trial, reference};
+use settings::Settings;
+use simulator::{Body, World};
+use std::path::Path;
+
+/// Name of the log in the folder of a run, and of the world that the demo leaves beside it.
+const LOG: &str = "drive.mcap";
+const WORLD: &str = "world.toml";
+
+/// A drive from its log, judged.
+pub(crate) struct Judged {
+    pub(crate) trial: Trial,
+    /// The world was at hand, to drive through it without walkers.
+    pub(crate) with_reference: bool,
+}
+
+/// Judges a run by its log or its folder.
+pub(crate) fn judge(run: &Path) -> anyhow::Result<Judged> {
+    let log = if run.is_dir() { run.join(LOG) } else { run.to_owned() };
+    let text = Log::open(&log)?.preamble().settings.clone();
+    let settings = Settings::parse(&format!("{}: its settings", log.display()), &text)?;
+    let recorded = read(&log)?;
+    let (drive, outcome) = recorded.assemble().map_err(|error| BadInput(format!("{}: {error}", log.display())))?;
+    let reference = without_walkers(&log, &settings)?;
+    let trial = Trial::judge(&drive, &outcome, reference.as_ref(), &settings)?;
+    Ok(Judged { trial, with_reference: reference.is_some() })
+}
+
+fn read(log: &Path) -> anyhow::Result<Recorded> {
+    Ok(Recorded {
+        scans: stream(log)?,
+        motions: stream(log)?,
+        walkers: stream(log)?,
+        verdicts: stream(log)?,
+        truth: stream(log)?,
+        surfaces: stream(log)?.into_iter().map(|(_, _, surfaces)| surfaces).collect(),
+    })
+}
+
+/// Every message of one stream. What is damaged was said when the log was made, and is passed over.
+fn stream<T: Logged>(log: &Path) -> anyhow::Result<Vec<Numbered<T>>> {
+    let mut log = Log::open(log)?;
+    let mut messages = Vec::new();
+    while let Some(entry) = log.next_of()? {
+        if let Entry::Message { seq, stamp_ns, payload } = entry {
+            messages.push((seq, stamp_ns, payload));
+        }
+    }
+    Ok(messages)
+}
+
+/// The map of the same drive without walkers, where the world's file still is.
+fn without_walkers(log: &Path, settings: &Settings) -> anyhow::Result<Option<Occupancy>> {
+    let beside = log.with_file_name(WORLD);
+    let Some(path) = [&settings.simulator.world, &beside].into_iter().find(|path| path.is_file()) else { return Ok(None) };
+    let drive = empty_drive(path, settings)?;
+    Ok(Some(reference(&drive, settings)?))
+}
+
+fn empty_drive(path: &Path, settings: &Settings) -> anyhow::Result<Drive> {
+    let mut world: World = simulator::read_world(path)?;
+    world.walkers.clear();
+    let body = Body::of_settings(&settings.robot);
+    Ok(Drive::through(&world, &body, settings.robot.range_limit_m.get(), None, u64::from(settings.simulator.seed.get())))
+}

@@ -1,0 +1,137 @@
+//! Worlds, seeds and numbers of walkers, driven through and judged side by side.
+
+use super::report::{Report, Row};
+use super::write_comparison;
+use crate::cli::{DriveOptions, Rule};
+use crate::exit::BadInput;
+use evaluate::{Drive, Eyes, Filter, Trial, Variation, filter, read_world, reference};
+use indicatif::{MultiProgress, ProgressBar};
+use settings::{Cue, MovingCell, Settings, VerdictRule};
+use simulator::Body;
+use simulator::blobs::{Failings, Optics};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// One drive to make.
+struct Task<'a> {
+    name: &'a str,
+    text: &'a str,
+    seed: u64,
+    /// `None`: those of the file.
+    walkers: Option<u32>,
+}
+
+/// Makes every drive and says what came of each, in the order of worlds, numbers of walkers and seeds.
+pub(super) fn sweep(options: &DriveOptions, bars: &MultiProgress) -> anyhow::Result<Report> {
+    let settings = sections(options)?;
+    let worlds = options.world.iter().map(|path| read(path)).collect::<anyhow::Result<Vec<_>>>()?;
+    let walkers: Vec<Option<u32>> =
+        if options.walkers.is_empty() { vec![None] } else { options.walkers.iter().copied().map(Some).collect() };
+    let mut tasks = Vec::new();
+    for (name, text) in &worlds {
+        for &walkers in &walkers {
+            tasks.extend((options.seeds.first..=options.seeds.last).map(|seed| Task { name, text, seed, walkers }));
+        }
+    }
+    let bar = bars.add(ProgressBar::new(tasks.len() as u64));
+    let result = side_by_side(&tasks, |task| {
+        let row = drive(task, &settings, options)?;
+        bar.inc(1);
+        Ok(row)
+    });
+    bar.finish_and_clear();
+    Ok(Report::of(result?))
+}
+
+/// The sections that the drives go by.
+fn sections(options: &DriveOptions) -> anyhow::Result<Settings> {
+    let mut settings = match &options.settings {
+        Some(path) => Settings::read(path)?,
+        None => Settings::parse("demo.toml", crate::demo::SETTINGS)?,
+    };
+    settings.pace = settings::Pace::Lockstep;
+    settings.fti.expect_camera = true;
+    match options.rule {
+        Rule::Full => {}
+        Rule::Sonar => settings.fti.expect_camera = false,
+        Rule::Paper => {
+            (settings.fti.rule, settings.fti.cue, settings.std.rule) = (VerdictRule::Paper, Cue::Paper, MovingCell::Paper);
+        }
+    }
+    Ok(settings)
+}
+
+fn read(path: &Path) -> anyhow::Result<(String, String)> {
+    let name = path.display().to_string();
+    let text = settings::read_text(path)?;
+    simulator::World::parse(&name, &text)?;
+    Ok((name, text))
+}
+
+fn drive(task: &Task<'_>, settings: &Settings, options: &DriveOptions) -> anyhow::Result<Row> {
+    let world = |walkers: Option<usize>| {
+        read_world(task.text, Variation { walkers, seed: task.seed }).map_err(|error| BadInput(format!("{}: {error}", task.name)))
+    };
+    let (body, limit_m) = (Body::of_settings(&settings.robot), settings.robot.range_limit_m.get());
+    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: failings(settings, options) };
+    let eyes = (options.rule != Rule::Sonar).then_some(&eyes);
+    let drive = Drive::through(&world(task.walkers.map(|walkers| walkers as usize))?, &body, limit_m, eyes, task.seed);
+    let empty = Drive::through(&world(Some(0))?, &body, limit_m, None, task.seed);
+    let run = Filter { std: stillmap_std::Parameters::of_settings(settings), fti: fti::Parameters::of_settings(settings) };
+    let outcome = filter(&drive, &run)?;
+    let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, settings)?), settings)?;
+    if let Some(folder) = &options.out {
+        let stem = Path::new(task.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let walkers = task.walkers.map_or_else(String::new, |walkers| format!("-{walkers}-walkers"));
+        write_comparison(&folder.join(format!("{stem}{walkers}-seed-{}", task.seed)), &trial)?;
+    }
+    Ok(Row::new(task.name.to_owned(), Some(task.seed), task.walkers, &trial))
+}
+
+/// How the pretended background subtraction fails.
+fn failings(settings: &Settings, options: &DriveOptions) -> Failings {
+    let usual = Failings::of_settings(&settings.simulator.camera);
+    if options.rule == Rule::Paper {
+        return Failings::NONE;
+    }
+    Failings {
+        focal_share: options.errors * usual.focal_share,
+        horizon_px: options.errors * usual.horizon_px,
+        height_m: options.errors * usual.height_m,
+        ..usual
+    }
+}
+
+/// Does every task, as many at once as the machine has processors; the results in the order of the tasks, or the first error.
+fn side_by_side<T: Sync, R: Send>(tasks: &[T], work: impl Fn(&T) -> anyhow::Result<R> + Sync) -> anyhow::Result<Vec<R>> {
+    let next = AtomicUsize::new(0);
+    let done: Mutex<Vec<(usize, anyhow::Result<R>)>> = Mutex::new(Vec::new());
+    let at_once = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(tasks.len());
+    std::thread::scope(|scope| {
+        for _ in 0..at_once {
+            scope.spawn(|| {
+                while let Some((at, task)) = Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, tasks.get(at)?))) {
+                    let result = work(task);
+                    done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((at, result));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    done.sort_by_key(|(at, _)| *at);
+    done.into_iter().map(|(_, result)| result).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_come_in_the_order_of_the_tasks_whoever_is_done_first() {
+        let numbers: Vec<u64> = (0..100).collect();
+        assert_eq!(side_by_side(&numbers, |number| Ok(number * number)).unwrap(), numbers.iter().map(|n| n * n).collect::<Vec<_>>());
+        let error = side_by_side(&numbers, |number| if *number >= 50 { Err(anyhow::anyhow!("{number}")) } else { Ok(()) }).unwrap_err();
+        assert_eq!(error.to_string(), "50");
+    }
+}
