@@ -8,7 +8,7 @@ use std::path::Path;
 use harness::{Bench, text};
 
 const DEMO: &str = include_str!("../config/demo.toml");
-const WORLD: &str = include_str!("../config/worlds/corridor.toml");
+const WORLD: &str = include_str!("../config/worlds/hall.toml");
 
 #[track_caller]
 fn refuses(bench: &Bench, arguments: &[&str], expected: &[&str]) {
@@ -29,8 +29,8 @@ fn name(path: &Path) -> &str {
 #[test]
 fn settings() {
     let bench = Bench::new();
-    let world = bench.write("corridor.toml", WORLD);
-    let demo = DEMO.replace("worlds/corridor.toml", name(&world));
+    let world = bench.write("hall.toml", WORLD);
+    let demo = DEMO.replace("worlds/hall.toml", name(&world));
     let good = bench.write("good.toml", &demo);
     assert_eq!(bench.output(["check", name(&good)]).status.code(), Some(0));
 

@@ -158,8 +158,7 @@ pub(crate) fn text(bytes: &[u8]) -> String {
 pub(crate) fn map_sha256(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(0), "{}{}", text(&output.stdout), text(&output.stderr));
     let stdout = text(&output.stdout);
-    let line = stdout.lines().last().unwrap_or_default();
-    let hash = line.strip_prefix("map sha256 ").unwrap_or_else(|| panic!("the last line is {line:?}"));
+    let hash = stdout.lines().find_map(|line| line.strip_prefix("map sha256 ")).unwrap_or_else(|| panic!("no hash in {stdout:?}"));
     assert_eq!(hash.len(), 64);
     hash.to_owned()
 }

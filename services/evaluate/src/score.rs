@@ -218,7 +218,9 @@ impl Detection {
     /// Counts STD's answers; sonars that look further aside than `aside_rad` take no part.
     #[must_use]
     pub fn count(drive: &Drive, motions: &[SonarMotion], aside_rad: f64) -> Self {
-        let mut detection = Self { minutes: drive.scans.last().map_or(0.0, |scan| scan.stamp_ns as f64 * 1e-9 / 60.0), ..Self::default() };
+        let (first, last) = (drive.scans.first(), drive.scans.last());
+        let span_ns = first.zip(last).map_or(0, |(first, last)| last.stamp_ns.saturating_sub(first.stamp_ns));
+        let mut detection = Self { minutes: span_ns as f64 * 1e-9 / 60.0, ..Self::default() };
         for (scan, motion) in drive.scans.iter().zip(motions) {
             let readings = scan.scan.readings().iter().zip(&scan.truth.readings).enumerate();
             let mut walkers = 0u32;

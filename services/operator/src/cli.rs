@@ -28,11 +28,11 @@ pub(crate) enum Command {
         #[command(flatten)]
         options: RunOptions,
     },
-    /// Drives a simulated robot down a corridor with people in it, and maps the corridor
+    /// Drives a simulated robot through a hall with people in it, and maps the hall
     Demo {
         #[command(flatten)]
         options: RunOptions,
-        /// Another world than the built-in corridor
+        /// Another world than the built-in hall
         #[arg(long, value_name = "FILE")]
         world: Option<PathBuf>,
     },

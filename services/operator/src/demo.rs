@@ -10,7 +10,7 @@ use settings::{BuiltIn, Name, Settings};
 use std::path::{Path, PathBuf};
 
 pub(crate) const SETTINGS: &str = include_str!("../../../config/demo.toml");
-const WORLD: &str = include_str!("../../../config/worlds/corridor.toml");
+const WORLD: &str = include_str!("../../../config/worlds/hall.toml");
 /// Fast enough not to bore, slow enough to look at.
 const SPEED: f64 = 10.0;
 
@@ -26,7 +26,7 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
     };
     crate::check::check_files(&settings)?;
     let speed = options.speed.unwrap_or(SPEED);
-    tracing::info!("a simulated Pioneer 1 drives down a corridor with people in it, {speed} times faster than a real one");
+    tracing::info!("a simulated Pioneer 1 drives through a hall with people in it, {speed} times faster than a real one");
     tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
     let code = drive(&settings, speed, bars)?;
     if code == 0 && settings.runs(BuiltIn::Recorder) {
@@ -55,7 +55,7 @@ mod tests {
     #[test]
     fn what_is_built_in_can_be_used() {
         Settings::parse("demo.toml", SETTINGS).unwrap();
-        simulator::World::parse("corridor.toml", WORLD).unwrap();
+        simulator::World::parse("hall.toml", WORLD).unwrap();
         assert_eq!(unique_name("demo").unwrap().as_str(), format!("demo-{}", std::process::id()));
     }
 }

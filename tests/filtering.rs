@@ -1,0 +1,76 @@
+//! People walk about, and the map is without them: std, fti and mapping together, and what becomes of it when one of them dies.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use harness::{Bench, Run, kill, map_sha256, text};
+use serde_json::Value;
+
+fn start(bench: &Bench) -> Run {
+    Run::start(bench.stillmap(["demo", "--speed", "20", "--out", bench.path("out").to_str().unwrap()]))
+}
+
+fn evaluated(bench: &Bench) -> Value {
+    let output = bench.output(["evaluate", bench.path("out").to_str().unwrap(), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
+    let bench = Bench::new();
+    let output = start(&bench).end();
+    let driven = map_sha256(&output);
+    assert!(text(&output.stdout).contains("ghost cells removed"), "{}", text(&output.stdout));
+    assert!(bench.path("out").join("comparison.png").metadata().unwrap().len() > 10_000);
+    let figures = evaluated(&bench);
+    let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
+    assert!(figures["ghosts_before"].as_u64() > Some(60), "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
+    assert_eq!(figures["runs"][0]["ghosts_removed"], figures["ghosts_removed"]);
+    let replay = |out: &str| {
+        let log = bench.path("out").join("drive.mcap");
+        map_sha256(&bench.output(["replay", log.to_str().unwrap(), "--out", bench.path(out).to_str().unwrap()]))
+    };
+    assert_eq!(replay("again"), replay("and-again"));
+    assert_eq!(driven.len(), 64);
+}
+
+#[track_caller]
+fn filters_after_the_kill_of(process: &str) {
+    let bench = Bench::new();
+    let run = start(&bench);
+    bench.wait_for("mapping", "it has taken 200 scans", |mapping| mapping["received"].as_u64() > Some(200));
+    let before = bench.wait_for(process, "it runs", |it| it["state"] == "running" && it["pid"].is_u64());
+    kill(before["pid"].as_u64().unwrap());
+    bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
+    map_sha256(&run.end());
+    let removed = evaluated(&bench)["ghosts_removed"].as_f64();
+    assert!(removed > Some(0.5), "{removed:?} of the ghosts removed");
+}
+
+#[test]
+fn std_dies() {
+    filters_after_the_kill_of("std");
+}
+
+#[test]
+fn fti_dies() {
+    filters_after_the_kill_of("fti");
+}
+
+#[test]
+fn worlds_are_swept_and_what_is_none_is_refused() {
+    let bench = Bench::new();
+    let hall = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/hall.toml");
+    let output = bench.output(["evaluate", "--world", hall, "--seeds", "1..2", "--walkers", "0,3", "--json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let runs: Vec<(u64, u64)> =
+        report["runs"].as_array().unwrap().iter().map(|run| (run["walkers"].as_u64().unwrap(), run["seed"].as_u64().unwrap())).collect();
+    assert_eq!(runs, [(0, 1), (0, 2), (3, 1), (3, 2)]);
+    assert_eq!((report["runs"][0]["ghosts_before"].as_u64(), report["runs"][2]["ghosts_before"].as_u64() > Some(0)), (Some(0), true));
+    let world = bench.write("world.toml", "[robot]\nstart_m = [0, 0]\nway = 7\n");
+    let refused = bench.output(["evaluate", "--world", world.to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(text(&refused.stderr).lines().count(), 1, "{}", text(&refused.stderr));
+}
