@@ -56,8 +56,8 @@ pub use document::{MAX_BYTES, parse, parse_checked, read_text};
 pub use error::{Fault, SettingsError};
 pub use fti::{Action, Correspondence, Cue, Fti, Magnitude, Patience, Readiness, Side, Tables, VerdictRule};
 pub use mapping::{
-    AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, NoEchoFree,
-    OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
+    AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,
+    NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
 };
 pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SpeedLimit, TurnLimit};
 pub use playback::{Playback, Window};

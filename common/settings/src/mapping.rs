@@ -18,8 +18,10 @@ bounded! {
     RangeSpread: f64 in 0.005..=0.5, "m", default 0.06;
     /// Greatest log-odds of a cell, of either sign.
     LogOddsLimit: f64 in 0.5..=10.0, "", default 2.0;
+    /// A number of neighbours of a cell.
+    Neighbours: u32 in 0..=8, "cells", default 0;
     /// Sensor time for which a reading stays pending.
-    Horizon: f64 in 0.0..=60.0, "s", default 3.0;
+    Horizon: f64 in 0.0..=10.0, "s", default 3.0;
     /// How far a reading without an echo frees.
     NoEchoFree: f64 in 0.0..=20.0, "m", default 1.2;
     /// Range at which an echo has lost half its weight.
@@ -52,6 +54,9 @@ pub struct Mapping {
     pub horizon_s: Horizon,
     /// Keep a second map that ignores the verdicts, for comparison.
     pub keep_unfiltered: bool,
+    /// In the map that is published, an occupied cell with fewer occupied neighbours than this, of eight, is free (the end of the
+    /// paper's Table 6). 0: none is.
+    pub lonely_below: Neighbours,
     /// How far a reading without an echo frees: beyond, silence may as well be a wall that reflects away.
     pub no_echo_free_m: NoEchoFree,
     /// Far readings say less, as the two distances below have it. False: the paper's sensor model.
@@ -141,6 +146,7 @@ impl Default for Mapping {
             l_max: LogOddsLimit::default(),
             horizon_s: Horizon::default(),
             keep_unfiltered: false,
+            lonely_below: Neighbours::default(),
             no_echo_free_m: NoEchoFree::default(),
             fades: true,
             occupied_fade_m: OccupiedFade::default(),

@@ -7,7 +7,7 @@ use crate::bounded::{bounded, one_of};
 
 bounded! {
     /// Range at and above which a reading is no echo.
-    RangeLimit: f64 in 0.2..=20.0, "m", default 3.0;
+    RangeLimit: f64 in 0.2..=10.0, "m", default 3.0;
     /// A place on the robot.
     MountOffset: f64 in -2.0..=2.0, "m";
     /// A direction on the robot, counter-clockwise from straight ahead.

@@ -97,7 +97,7 @@ fn unknown_and_missing_keys() {
     check("[recorder]\nflush = 1.0", "demo.toml:9: recorder.flush: unknown key, expected one of flush_s, file");
     check(
         "[mapping]\ncel_m = 1",
-        "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered, expect_verdicts",
+        "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, lonely_below, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered, expect_verdicts",
     );
     check(
         "[lidar]\n",

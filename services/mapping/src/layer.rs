@@ -7,6 +7,7 @@ use grid::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
 use messages::UpdateRegion;
 
 use crate::Parameters;
+use crate::lonely::tiles_that_see;
 use crate::pending::PendingScan;
 
 const UNKNOWN: Tile<f32> = [0.0; TILE_CELLS];
@@ -19,6 +20,8 @@ const UNKNOWN: Tile<f32> = [0.0; TILE_CELLS];
 pub(crate) struct Layer {
     /// Whether verdicts count here.
     heeds_verdicts: bool,
+    /// Occupied cells with fewer occupied neighbours are published as free.
+    lonely_below: usize,
     committed: Lattice<f32>,
     shown: Lattice<f32>,
     /// Tiles committed to since `shown` was made.
@@ -28,8 +31,15 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    pub(crate) fn new(cell: CellSize, heeds_verdicts: bool) -> Self {
-        Self { heeds_verdicts, committed: Lattice::new(cell), shown: Lattice::new(cell), settled: BTreeSet::new(), unsent: BTreeSet::new() }
+    pub(crate) fn new(cell: CellSize, heeds_verdicts: bool, lonely_below: usize) -> Self {
+        Self {
+            heeds_verdicts,
+            lonely_below,
+            committed: Lattice::new(cell),
+            shown: Lattice::new(cell),
+            settled: BTreeSet::new(),
+            unsent: BTreeSet::new(),
+        }
     }
 
     /// What is integrated for good.
@@ -85,7 +95,7 @@ impl Layer {
     fn show(&mut self, key: TileKey, cells: Tile<f32>) {
         if *self.shown.tile(key).unwrap_or(&UNKNOWN) != cells {
             self.shown.set_tile(key, &cells);
-            self.unsent.insert(key);
+            self.unsent.extend(tiles_that_see(key, self.lonely_below));
         }
     }
 

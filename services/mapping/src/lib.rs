@@ -28,6 +28,7 @@ mod files;
 mod golden;
 mod integrate;
 mod layer;
+mod lonely;
 mod mapper;
 mod numeric;
 mod parameters;

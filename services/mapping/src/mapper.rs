@@ -9,6 +9,7 @@ use grid::{CellSize, TileKey};
 use crate::Parameters;
 use crate::digest::digest;
 use crate::layer::Layer;
+use crate::lonely::published;
 use crate::parameters::CommitRule;
 use crate::pending::{Decision, PendingScan};
 use crate::way::Way;
@@ -147,8 +148,8 @@ impl Mapper {
     pub fn new(parameters: Parameters) -> Self {
         let cell = parameters.cell;
         Self {
-            filtered: Layer::new(cell, true),
-            unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false)),
+            filtered: Layer::new(cell, true, parameters.lonely_below),
+            unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false, 0)),
             pending: VecDeque::new(),
             early: BTreeMap::new(),
             way: Way::default(),
@@ -275,8 +276,13 @@ impl Mapper {
             row: key.row,
             layer: layer as u32,
             tiles_in_layer: shown.tile_count() as u32,
-            log_odds: shown.tile(key).copied().unwrap_or([0.0; messages::TILE_CELLS]),
+            log_odds: published(shown, key, self.lonely_below(layer)),
         };
+    }
+
+    /// The unfiltered layer shows every reading.
+    fn lonely_below(&self, layer: LayerName) -> usize {
+        if layer == LayerName::Filtered { self.parameters.lonely_below } else { 0 }
     }
 
     /// All tiles of a layer as they are shown, in the order of their place.

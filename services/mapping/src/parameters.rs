@@ -23,6 +23,8 @@ pub struct Parameters {
     pub(crate) l_max: f32,
     pub(crate) commit: CommitRule,
     pub(crate) keep_unfiltered: bool,
+    /// Occupied cells with fewer occupied neighbours are published as free.
+    pub(crate) lonely_below: usize,
 }
 
 /// Parameters of eq. 2 that no rule tunes, and of its limits.
@@ -104,6 +106,7 @@ impl Parameters {
             l_max: settings.l_max.get() as f32,
             commit,
             keep_unfiltered: settings.keep_unfiltered,
+            lonely_below: settings.lonely_below.get() as usize,
         })
     }
 

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use messages::{FilterVerdict, Layer, MapTile, Pose, SonarReading, SonarScan};
+use messages::{FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook};
 use proptest::prelude::*;
 use settings::{Mapping, Pace};
 use stillmap_mapping::{Input, Mapper, Parameters, Refused};
@@ -75,6 +75,53 @@ fn a_withheld_reading_leaves_its_free_part_alone() {
     assert!(log_odds_at(&mut mapper, Layer::Filtered, 0.5, 0.01) < -0.4);
     assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
     assert_eq!((mapper.counts().readings, mapper.counts().withheld), (1, 1));
+}
+
+#[test]
+fn a_pending_reading_is_shown_with_the_verdict_that_is_expected_and_integrated_with_the_one_that_comes() {
+    let mut mapper = lockstep_with_verdicts();
+    mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
+    let mut outlook = VerdictOutlook { count: 2, ..VerdictOutlook::default() };
+    outlook.scans[0] = OutlookScan { seq: 1, withheld: 1, reserved: 0 };
+    outlook.scans[1] = OutlookScan { seq: 7, withheld: 1, reserved: 0 };
+    mapper.step(Input::Outlook(&outlook)).unwrap();
+    assert_eq!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01), 0.0);
+    assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
+    mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
+    assert!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01) > 0.5);
+    assert_eq!(mapper.counts().withheld, 0);
+}
+
+#[test]
+fn a_verdict_that_frees_clears_its_region_and_nothing_else() {
+    let mut mapper = lockstep_with_verdicts();
+    let mut freeing = FilterVerdict { count: 1, action: FilterAction::Free as u32, ..FilterVerdict::default() };
+    // Four cells are a disc of 5.6 cm.
+    freeing.regions[0] = UpdateRegion { x_m: 1.0, y_m: 0.0, cells: 4.0 };
+    for seq in 1..=2 {
+        mapper.step(Input::Scan { seq, stamp_ns: seq, scan: &echo_ahead(1.0) }).unwrap();
+    }
+    mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
+    let aside = log_odds_at(&mut mapper, Layer::Unfiltered, 0.98, 0.12);
+    mapper.step(Input::Verdict { seq: 2, verdict: &freeing }).unwrap();
+    assert_eq!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01), -2.0);
+    assert_eq!(log_odds_at(&mut mapper, Layer::Filtered, 0.98, 0.12), aside, "beside the region every reading counts");
+    assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
+    assert_eq!(mapper.counts().withheld, 0);
+    mapper.step(Input::Verdict { seq: 9, verdict: &freeing }).unwrap();
+    assert_eq!(Mapper::restore(both_layers(), &mapper.save()).unwrap().save(), mapper.save());
+}
+
+#[test]
+fn lonely_cells_are_published_free_when_asked_for() {
+    let settings = |lonely_below: u32| Mapping { lonely_below: lonely_below.try_into().unwrap(), ..Mapping::default() };
+    let occupied = |lonely_below: u32| {
+        let mut mapper = mapper(Pace::Live, settings(lonely_below));
+        mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
+        shown(&mut mapper).iter().flat_map(|tile| tile.log_odds).filter(|cell| *cell > 0.619).count()
+    };
+    let (all, joined, inner) = (occupied(0), occupied(1), occupied(8));
+    assert!(all > 4 && joined == all && inner == 0, "{all} {joined} {inner}");
 }
 
 #[test]
