@@ -205,3 +205,32 @@ fn errors_never_carry_control_characters() {
     let line = refused("\"\\u001b[31m\\n\" = 3");
     assert!(line.starts_with("demo.toml:1: \\u{1b}[31m: unknown key"), "{line}");
 }
+
+#[test]
+fn who_waits_for_verdicts_or_the_camera_has_somebody_to_wait_for() {
+    const FTI: &str = "[[process]]\nname = \"fti\"\nrun = \"fti\"\n";
+    const STD: &str = "[[process]]\nname = \"std\"\nrun = \"std\"\n";
+    const EXPECT: &str = "[mapping]\nexpect_verdicts = true\n";
+    check(&format!("{FTI}{STD}"), "demo.toml:1: mapping.expect_verdicts: expected true, since a process runs \"fti\"");
+    check(EXPECT, "demo.toml:9: mapping.expect_verdicts = true: expected false, or else a process with run = \"fti\"");
+    check(
+        &format!("{FTI}{EXPECT}"),
+        "demo.toml:2: process: expected a process with run = \"std\" beside \"fti\", which waits for its answers",
+    );
+    check(
+        &format!("{FTI}{STD}{EXPECT}[fti]\nexpect_camera = true\n"),
+        "demo.toml:17: fti.expect_camera = true: expected false, or else a process that tells camera motion",
+    );
+    Settings::parse("demo.toml", &format!("{BASE}{FTI}{STD}{EXPECT}")).unwrap();
+}
+
+#[test]
+fn tables_of_the_paper_are_whole_and_of_known_sets() {
+    let row = "[\"VS\", \"S\", \"M\", \"L\", \"VL\"]";
+    let rows = |last: &str| format!("[fti.tables]\nsize = [{row}, {row}, {row}, {row}, {last}]\n");
+    Settings::parse("demo.toml", &format!("{BASE}{}", rows(row))).unwrap();
+    for last in ["[\"VS\", \"S\", \"M\", \"L\"]", "[\"VS\", \"S\", \"M\", \"L\", \"HUGE\"]"] {
+        let line = refused(&format!("{BASE}{}", rows(last)));
+        assert!(line.starts_with("demo.toml:9: fti.tables.size[4]"), "{line}");
+    }
+}
