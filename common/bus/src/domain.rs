@@ -13,7 +13,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
 use messages::{
     CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
-    Payload, Progress, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
+    Payload, PlaybackControl, Progress, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
 };
 use rustix::fs::{FlockOperation, flock};
 
@@ -152,6 +152,7 @@ impl Domain {
         hold::<Progress>(&fabric, &mut services)?;
         hold::<DeploymentStatus>(&fabric, &mut services)?;
         hold::<LogLine>(&fabric, &mut services)?;
+        hold::<PlaybackControl>(&fabric, &mut services)?;
         hold::<TruthScan>(&fabric, &mut services)?;
         hold::<TruthSurfaces>(&fabric, &mut services)?;
         services.push(Box::new(fabric.create_pictures::<CameraFrame>()?));

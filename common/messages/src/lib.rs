@@ -9,6 +9,7 @@
 //! yaw counter-clockwise), *image* (u right, v down).
 
 mod camera;
+mod control;
 mod header;
 mod health;
 mod layout;
@@ -21,6 +22,7 @@ mod truth;
 mod verdict;
 
 pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, Pictures, PixelFormat, TruthMask};
+pub use control::PlaybackControl;
 pub use header::{Header, Kind};
 pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use crate::{BuiltIn, Fault, Pace, Port, Program, Provides, Settings};
+use crate::{BuiltIn, Fault, Pace, Port, Program, Provides, Settings, Viewer};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;
@@ -19,6 +19,7 @@ impl Settings {
         self.check_source()?;
         self.check_lists()?;
         self.check_verdicts()?;
+        self.check_viewer()?;
         let (first, last) = (self.supervisor.backoff_first_s.get(), self.supervisor.backoff_last_s.get());
         if first > last {
             return Err(Fault::new("supervisor.backoff_first_s", format!("at most backoff_last_s, which is {last} s")));
@@ -99,6 +100,21 @@ impl Settings {
             return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));
         }
         Ok(())
+    }
+
+    /// Who may look: whoever is on this computer, or whoever knows the token.
+    fn check_viewer(&self) -> Result<(), Fault> {
+        let Viewer { address, token, foxglove_port, .. } = &self.viewer;
+        if address.get().is_loopback() {
+            return Ok(());
+        }
+        if token.is_none() {
+            return Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token that keeps strangers out"));
+        }
+        match foxglove_port {
+            Some(_) => Err(Fault::new("viewer.foxglove_port", "none unless address is 127.0.0.1 or ::1, for Foxglove sends no token")),
+            None => Ok(()),
+        }
     }
 
     fn check_lists(&self) -> Result<(), Fault> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Std, Supervisor};
+use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Std, Supervisor, Viewer};
 
 /// What sets the pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -64,6 +64,9 @@ pub struct Settings {
     /// `[playback]`: a log in place of the robot.
     #[serde(default)]
     pub playback: Playback,
+    /// `[viewer]`: the page that a browser shows.
+    #[serde(default)]
+    pub viewer: Viewer,
 }
 
 fn default_out() -> PathBuf {
@@ -88,6 +91,7 @@ impl Default for Settings {
             fti: Fti::default(),
             recorder: Recorder::default(),
             playback: Playback::default(),
+            viewer: Viewer::default(),
         }
     }
 }

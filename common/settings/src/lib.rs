@@ -47,6 +47,7 @@ mod simulator;
 mod supervisor;
 mod temporal_difference;
 mod text;
+mod viewer;
 
 pub use bounded::OutOfRange;
 pub use camera::{Camera, CameraHeight, FieldOfView, FrameRate, HorizonShare, PictureHeight, PictureWidth};
@@ -71,3 +72,4 @@ pub use supervisor::{
 };
 pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
 pub use text::{BadText, FileName, Name, Port};
+pub use viewer::{Address, FoxglovePort, PagePort, Token, Viewer};

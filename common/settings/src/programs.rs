@@ -23,6 +23,8 @@ pub enum BuiltIn {
     Simulator,
     /// A log in place of the robot.
     Playback,
+    /// The page that a browser shows.
+    Viewer,
 }
 
 /// What a process runs.
@@ -81,6 +83,7 @@ impl BuiltIn {
             Self::Pioneer => "pioneer",
             Self::Simulator => "simulator",
             Self::Playback => "playback",
+            Self::Viewer => "viewer",
         }
     }
 

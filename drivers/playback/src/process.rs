@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError, Writer};
 use drivelog::{Entry, Log, LogError};
-use messages::{DeploymentStatus, Payload, ProcessState, Progress, SonarScan};
+use messages::{DeploymentStatus, Payload, PlaybackControl, ProcessState, Progress, SonarScan};
 use settings::{BuiltIn, Pace, Program, Settings};
 
 use crate::answers::{Answers, Consumer};
@@ -56,6 +56,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
         scans: shell.writer()?,
         progress: shell.reader()?,
         statuses: shell.reader()?,
+        control: shell.reader()?,
+        paused: resume.schedule.is_some_and(|schedule| schedule.rate() <= 0.0),
+        rate: resume.schedule.map_or(1.0, |schedule| schedule.rate()),
         answers: Answers::new(consumers(settings)),
         pacing: match settings.pace {
             Pace::Live => Pacing::Live { speed },
@@ -76,7 +79,9 @@ fn consumers(settings: &Settings) -> impl Iterator<Item = Consumer> {
         let ends_itself = match process.program {
             Program::BuiltIn(BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti) => true,
             Program::BuiltIn(BuiltIn::Recorder) => false,
-            Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) | Program::Command(_) => return None,
+            Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback | BuiltIn::Viewer) | Program::Command(_) => {
+                return None;
+            }
         };
         Some(Consumer { name: process.name.as_str().to_owned(), ends_itself })
     })
@@ -106,6 +111,11 @@ struct Playback {
     scans: Writer<SonarScan>,
     progress: Reader<Progress>,
     statuses: Reader<DeploymentStatus>,
+    control: Reader<PlaybackControl>,
+    /// Somebody who watches has asked for it to stand still.
+    paused: bool,
+    /// Live: how many times faster than the deployment's clock the log goes.
+    rate: f64,
     answers: Answers,
     pacing: Pacing,
     /// Stamp of the first message.
@@ -124,6 +134,7 @@ enum Pacing {
 impl bus::Process for Playback {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         self.listen()?;
+        self.obey(context)?;
         if context.stopping() {
             self.end()?;
             return Ok(Next::Finished);
@@ -154,6 +165,25 @@ impl Playback {
         Ok(())
     }
 
+    /// Takes what somebody who watches asks for.
+    fn obey(&mut self, context: &Context<'_>) -> Result<(), StepError> {
+        let mut asked = None;
+        while let Some(received) = self.control.take()? {
+            if let Received::Message(control) = received {
+                asked = Some(*control);
+            }
+        }
+        let Some(PlaybackControl { speed, paused, .. }) = asked else { return Ok(()) };
+        self.paused = paused == 1;
+        if let Pacing::Live { speed: clock } = &self.pacing {
+            self.rate = speed / clock;
+            let schedule = self.resume.schedule;
+            self.resume.schedule = schedule.map(|it| it.paced(context.now_ns(), if paused == 1 { 0.0 } else { speed / clock }));
+            self.checkpoint.save(&self.resume.to_bytes())?;
+        }
+        Ok(())
+    }
+
     /// Sends what may be sent now.
     fn play(&mut self, context: &Context<'_>) -> Result<Next, StepError> {
         if let Pacing::Lockstep { window, size } = &mut self.pacing {
@@ -177,9 +207,12 @@ impl Playback {
             let (seq, stamp_ns) = (*seq, *stamp_ns);
             self.first_ns.get_or_insert(stamp_ns);
             if seq > self.begin_behind {
+                if self.paused {
+                    return Ok(Next::Wait);
+                }
                 let (schedule, is_new) = match self.resume.schedule {
                     Some(schedule) => (schedule, false),
-                    None => (Schedule::new(context.now_ns(), stamp_ns), true),
+                    None => (Schedule::new(context.now_ns(), stamp_ns).paced(context.now_ns(), self.rate), true),
                 };
                 if let Some(wait) = self.pacing.hold_back(schedule, context.now_ns(), stamp_ns) {
                     return Ok(wait);
@@ -212,6 +245,10 @@ impl Playback {
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
         context.note(&format!("{played_s:.1} s of the log, {percent:.0} % of it read"));
         context.count("scans played", self.sent);
+        context.count(PlaybackControl::PAUSED, u64::from(self.paused));
+        if let Pacing::Live { speed } = &self.pacing {
+            context.count(PlaybackControl::PERCENT, (100.0 * speed * self.rate).round() as u64);
+        }
         context.count("done", read);
         context.count("total", bytes);
     }

@@ -16,7 +16,7 @@ pub(crate) const SPARE: u32 = 64;
 /// further back than what it has answered. So a restarted playback sends again what the history held, less `SPARE`; what a
 /// consumer has had, its reader drops. That history covers the window of lockstep, a consumer's checkpoint interval and this
 /// note's.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Resume {
     /// Nothing after this message has been sent.
     pub reserved: u64,

@@ -1,40 +1,70 @@
 //! Live: when a message of the log is due.
 
 /// Lays the log's time over the deployment's clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     /// On the deployment's clock, ns.
-    started_ns: u64,
+    anchor_ns: u64,
     /// On the log's time line, ns.
-    first_stamp_ns: u64,
+    anchor_stamp_ns: u64,
+    /// Nanoseconds of the log in one of the deployment's clock; 0 while it stands still.
+    rate: f64,
 }
 
 impl Schedule {
-    /// The message with the stamp `first_stamp_ns` is due at `now_ns` of the deployment's clock.
+    /// The message with the stamp `first_stamp_ns` is due at `now_ns` of the deployment's clock, and the log goes as fast as it.
     #[must_use]
     pub fn new(now_ns: u64, first_stamp_ns: u64) -> Self {
-        Self { started_ns: now_ns, first_stamp_ns }
+        Self { anchor_ns: now_ns, anchor_stamp_ns: first_stamp_ns, rate: 1.0 }
     }
 
-    /// Time on the deployment's clock until a message is due; 0 when it is.
+    /// From `now_ns` on, the log goes on from where it is, `rate` times as fast as the deployment's clock; 0 to stand still.
+    #[must_use]
+    pub fn paced(self, now_ns: u64, rate: f64) -> Self {
+        let passed_ns = now_ns.saturating_sub(self.anchor_ns) as f64 * self.rate;
+        let rate = if rate.is_finite() { rate.max(0.0) } else { 1.0 };
+        Self { anchor_ns: now_ns, anchor_stamp_ns: self.anchor_stamp_ns.saturating_add(passed_ns as u64), rate }
+    }
+
+    /// Nanoseconds of the log in one of the deployment's clock; 0 while it stands still.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// Time on the deployment's clock until a message is due; 0 when it is, `u64::MAX` when it never is.
     #[must_use]
     pub fn due_in_ns(&self, now_ns: u64, stamp_ns: u64) -> u64 {
-        let due_ns = self.started_ns.saturating_add(stamp_ns.saturating_sub(self.first_stamp_ns));
-        due_ns.saturating_sub(now_ns)
+        let ahead_ns = stamp_ns.saturating_sub(self.anchor_stamp_ns);
+        // What was due when the log was stopped still comes.
+        if ahead_ns == 0 {
+            return self.anchor_ns.saturating_sub(now_ns);
+        }
+        if self.rate <= 0.0 {
+            return u64::MAX;
+        }
+        let after_ns = (ahead_ns as f64 / self.rate) as u64;
+        self.anchor_ns.saturating_add(after_ns).saturating_sub(now_ns)
     }
 
     /// For the next incarnation.
     #[must_use]
     pub fn to_bytes(self) -> Vec<u8> {
-        [self.started_ns.to_le_bytes(), self.first_stamp_ns.to_le_bytes()].concat()
+        [self.anchor_ns, self.anchor_stamp_ns, self.rate.to_bits()].map(u64::to_le_bytes).concat()
     }
 
     /// From an earlier one.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (started, rest) = bytes.split_first_chunk()?;
-        let (first, []) = rest.split_first_chunk()? else { return None };
-        Some(Self { started_ns: u64::from_le_bytes(*started), first_stamp_ns: u64::from_le_bytes(*first) })
+        let (numbers, []) = bytes.as_chunks::<8>() else { return None };
+        let [anchor_ns, anchor_stamp_ns, rate] = numbers else { return None };
+        let rate = f64::from_le_bytes(*rate);
+        let can_be_meant = rate.is_finite() && rate >= 0.0;
+        can_be_meant.then(|| Self {
+            anchor_ns: u64::from_le_bytes(*anchor_ns),
+            anchor_stamp_ns: u64::from_le_bytes(*anchor_stamp_ns),
+            rate,
+        })
     }
 }
 
@@ -54,10 +84,23 @@ mod tests {
     }
 
     #[test]
+    fn a_pause_holds_back_what_was_not_due_and_a_pace_goes_on_from_there() {
+        let paused = Schedule::new(1_000, 0).paced(3_000, 0.0);
+        assert_eq!((paused.due_in_ns(9_000, 2_000), paused.due_in_ns(9_000, 2_001)), (0, u64::MAX));
+        let fast = paused.paced(10_000, 4.0);
+        assert_eq!((fast.due_in_ns(10_000, 2_400), fast.due_in_ns(10_090, 2_400)), (100, 10));
+        let slow = fast.paced(10_100, 0.5);
+        assert_eq!(slow.due_in_ns(10_100, 2_500), 200);
+        assert_eq!(Schedule::from_bytes(&slow.to_bytes()), Some(slow), "a restart keeps the pace");
+        assert_eq!(slow.paced(0, f64::NAN).rate(), 1.0);
+    }
+
+    #[test]
     fn a_restart_keeps_the_schedule() {
         let schedule = Schedule::new(123, 456);
         assert_eq!(Schedule::from_bytes(&schedule.to_bytes()), Some(schedule));
-        assert_eq!(Schedule::from_bytes(&[0; 15]), None);
-        assert_eq!(Schedule::from_bytes(&[0; 17]), None);
+        assert_eq!(Schedule::from_bytes(&[0; 23]), None);
+        assert_eq!(Schedule::from_bytes(&[0; 25]), None);
+        assert_eq!(Schedule::from_bytes(&[0xff; 24]), None, "a pace that is no number");
     }
 }

@@ -103,6 +103,9 @@ pub(crate) struct RunOptions {
     /// Times faster than real time, 0.01 to 100
     #[arg(long, value_name = "N", value_parser = speed)]
     pub(crate) speed: Option<f64>,
+    /// Opens the live page in a browser
+    #[arg(long)]
+    pub(crate) open: bool,
 }
 
 #[derive(Debug, Clone, Args)]

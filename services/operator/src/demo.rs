@@ -13,6 +13,8 @@ pub(crate) const SETTINGS: &str = include_str!("../../../config/demo.toml");
 const WORLD: &str = include_str!("../../../config/worlds/hall.toml");
 /// Fast enough not to bore, slow enough to look at.
 const SPEED: f64 = 10.0;
+/// The same for somebody who watches the live page.
+const WATCHED_SPEED: f64 = 3.0;
 
 /// Drives the simulated robot through the built-in world or another; the exit code.
 pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgress) -> anyhow::Result<u8> {
@@ -25,10 +27,10 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
         None => unpack_world(&settings.out)?,
     };
     crate::check::check_files(&settings)?;
-    let speed = options.speed.unwrap_or(SPEED);
+    let speed = options.speed.unwrap_or(if options.open { WATCHED_SPEED } else { SPEED });
     tracing::info!("a simulated Pioneer 1 drives through a hall with people in it, {speed} times faster than a real one");
     tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
-    let code = drive(&settings, speed, bars)?;
+    let code = drive(&settings, speed, options.open, bars)?;
     if code == 0 && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
         output::line(&format!("ghosts     {}", conclude(&settings.out, &log)?))?;

@@ -3,6 +3,7 @@
 use crate::cli::RunOptions;
 use crate::exit::BadInput;
 use crate::output;
+use crate::page::Page;
 use crate::progress::Progress;
 use indicatif::MultiProgress;
 use messages::MapSummary;
@@ -25,14 +26,16 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot make this folder: {error}", folder.display())).into())
 }
 
-/// Runs a deployment and says what came of it; the exit code.
-pub(crate) fn drive(settings: &Settings, speed: f64, bars: &MultiProgress) -> anyhow::Result<u8> {
+/// Runs a deployment and says what came of it; the exit code. `open` to have a browser show its page.
+pub(crate) fn drive(settings: &Settings, speed: f64, open: bool, bars: &MultiProgress) -> anyhow::Result<u8> {
     let started = Instant::now();
     let options = Options { speed, executable: std::env::current_exe()? };
     let mut progress = Progress::new(bars);
+    let mut page = Page::of(settings, open);
     let result = supervisor::run(settings, &options, &mut |report| {
         if let Report::Status(status) = report {
             progress.show(status);
+            page.look(status);
         }
     });
     progress.end();

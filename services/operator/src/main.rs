@@ -11,6 +11,7 @@ mod log;
 mod logging;
 mod map;
 mod output;
+mod page;
 mod process;
 mod progress;
 mod replay;
@@ -66,7 +67,7 @@ fn run(path: &std::path::Path, options: &cli::RunOptions, bars: &MultiProgress) 
     let mut settings = check::read(path)?;
     drive::place_output(&mut settings, options)?;
     tracing::info!("deployment {}: Ctrl-C ends it, and the map is written", settings.name);
-    drive::drive(&settings, options.speed.unwrap_or(1.0), bars)
+    drive::drive(&settings, options.speed.unwrap_or(1.0), options.open, bars)
 }
 
 fn print(text: &str) -> anyhow::Result<u8> {

@@ -21,7 +21,7 @@ pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiP
         Pace::Live => "at the pace of the drive",
     };
     tracing::info!("replaying {} {how}", log.display());
-    drive(&settings, options.speed.unwrap_or(1.0), bars)
+    drive(&settings, options.speed.unwrap_or(1.0), options.open, bars)
 }
 
 /// The settings that a log was made with, if there is something in it to replay.
@@ -52,6 +52,10 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     if !settings.runs(BuiltIn::Mapping) {
         settings.process.push(Process::built_in(BuiltIn::Mapping));
     }
+    // In lockstep it would be over before a browser has come.
+    if pace == Pace::Live {
+        settings.process.push(Process::built_in(BuiltIn::Viewer));
+    }
     settings.process.push(Process::built_in(BuiltIn::Playback));
     Ok(settings)
 }
@@ -65,8 +69,8 @@ mod tests {
         let recorded = Settings::parse("demo.toml", include_str!("../../../config/demo.toml")).unwrap();
         let replay = deployment(recorded.clone(), "/logs/drive.mcap".into(), Pace::Lockstep).unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
-        assert_eq!(names, ["mapping", "playback"]);
-        assert!(replay.process[1].ends_run);
+        assert_eq!(names, ["mapping", "fti", "std", "playback"]);
+        assert!(replay.process.last().unwrap().ends_run);
         assert_eq!(replay.pace, settings::Pace::Lockstep);
         assert_eq!(replay.mapping, recorded.mapping, "the same map comes of the same settings");
         replay.check().unwrap();
@@ -76,7 +80,8 @@ mod tests {
     fn a_log_without_a_map_can_be_mapped() {
         let text = "name = \"x\"\n[[process]]\nname = \"recorder\"\nrun = \"recorder\"\n[[process]]\nname = \"d\"\ncommand = [\"d\"]\n";
         let replay = deployment(Settings::parse("x.toml", text).unwrap(), "/logs/drive.mcap".into(), Pace::Live).unwrap();
-        assert!(replay.runs(BuiltIn::Mapping) && replay.process.len() == 2);
+        let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
+        assert_eq!(names, ["mapping", "viewer", "playback"], "live, it can be watched");
         replay.check().unwrap();
     }
 }

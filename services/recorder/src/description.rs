@@ -2,7 +2,7 @@
 
 use drivelog::Preamble;
 use messages::Pose;
-use settings::{Settings, SettingsError};
+use settings::{Settings, SettingsError, Viewer};
 
 /// Settings that do not go into a log.
 pub type DescriptionError = SettingsError;
@@ -22,7 +22,8 @@ pub fn describe(run: u64, settings: &Settings) -> Result<Preamble, DescriptionEr
         robot: model.name.to_owned(),
         sonars: ring.into_iter().map(|(x_m, y_m, deg): (f64, f64, f64)| Pose { x_m, y_m, yaw_rad: deg.to_radians() }).collect(),
         origin: format!("recorded by stillmap {} as deployment {}", env!("CARGO_PKG_VERSION"), settings.name),
-        settings: settings.to_toml()?,
+        // Who may look at the page says nothing of the drive, and a token is not for logs.
+        settings: Settings { viewer: Viewer::default(), ..settings.clone() }.to_toml()?,
     })
 }
 

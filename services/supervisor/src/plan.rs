@@ -13,14 +13,14 @@ pub(crate) fn plans(settings: &Settings) -> Vec<Plan> {
 /// A foreign process is taken for a source: it may be a driver, and then the run cannot end before it is asked to stop.
 ///
 /// Live, the run goes on without whatever does not bring the scans. In lockstep everybody waits for the slowest, so that a
-/// process that is gone for good would be waited for without end.
+/// process that is gone for good would be waited for without end; nobody ever waits for the viewer.
 fn plan(process: &Process, pace: Pace) -> Plan {
     let (role, brings_scans) = match process.program {
         Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) => (Role::Source, true),
-        Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti) => (Role::Consumer, false),
+        Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Viewer) => (Role::Consumer, false),
         Program::Command(_) => (Role::Source, false),
     };
-    let essential = brings_scans || pace == Pace::Lockstep;
+    let essential = brings_scans || (pace == Pace::Lockstep && !process.runs(BuiltIn::Viewer));
     Plan { name: process.name.as_str().to_owned(), role, ends_run: process.ends_run, essential }
 }
 

@@ -1,0 +1,167 @@
+// What is drawn over the map: the robot and its way, sonar cones, what moves, where the filter is at work.
+
+const TRAIL_S = 20;
+const BLUE = "#1f6feb";
+const BEAM = "#d9960a";
+const MOVER = "#c026d3";
+const REGION = "#7c3aed";
+const RED = "#d92d20";
+const PERSON = "#0e9384";
+
+export class Overlay {
+  constructor() {
+    this.shown = { way: true, beams: true, movers: true, stirs: true, regions: true, withheld: true, people: true };
+    this.halfBeam = 0.22;
+    this.clear();
+  }
+
+  clear() {
+    this.way = [];
+    this.scene = null;
+    this.trails = new Map();
+  }
+
+  /** Places from number `first` on: what was known from there on is replaced. */
+  takeWay(first, places) {
+    this.way.length = Math.min(this.way.length, 2 * first);
+    for (const value of places) this.way.push(value);
+  }
+
+  takeScene(scene) {
+    if (this.scene && scene.t < this.scene.t) this.trails.clear();
+    this.scene = scene;
+    for (const { name, x, y } of scene.movers) {
+      if (!this.trails.has(name)) this.trails.set(name, []);
+      const trail = this.trails.get(name);
+      const last = trail.at(-1);
+      if (!last || Math.hypot(last.x - x, last.y - y) > 0.05) trail.push({ x, y, t: scene.t });
+    }
+    for (const [name, trail] of this.trails) {
+      while (trail.length && scene.t - trail[0].t > TRAIL_S) trail.shift();
+      if (!trail.length) this.trails.delete(name);
+    }
+  }
+
+  draw(context, view) {
+    const px = devicePixelRatio || 1;
+    const shown = this.shown;
+    if (shown.way) this.drawWay(context, view, px);
+    if (!this.scene) return;
+    const { beams, movers, stirs, regions, withheld, people, robot } = this.scene;
+    if (shown.beams) beams.forEach((beam) => this.drawBeam(context, view, beam, px));
+    if (shown.people) people.forEach(([x, y]) => dot(context, view.toScreen(x, y), Math.max(4 * px, 0.2 * view.scale), PERSON));
+    if (shown.withheld) withheld.forEach(([x, y]) => dot(context, view.toScreen(x, y), 3 * px, RED));
+    if (shown.regions) regions.forEach((region) => ring(context, view, region, REGION, px, [5 * px, 4 * px]));
+    if (shown.stirs) stirs.forEach((stir) => ring(context, view, stir, BEAM, px, []));
+    if (shown.movers) {
+      this.trails.forEach((trail) => this.drawTrail(context, view, trail, px));
+      movers.forEach((mover) => this.drawMover(context, view, mover, px));
+    }
+    if (shown.way && robot) drawRobot(context, view, robot, px);
+    drawScale(context, view, px);
+  }
+
+  drawWay(context, view, px) {
+    context.strokeStyle = BLUE;
+    context.lineWidth = 2 * px;
+    context.beginPath();
+    for (let at = 0; at + 1 < this.way.length; at += 2) context.lineTo(...view.toScreen(this.way[at], this.way[at + 1]));
+    context.stroke();
+  }
+
+  drawBeam(context, view, { x, y, yaw, range, echo }, px) {
+    const at = view.toScreen(x, y);
+    const radius = range * view.scale;
+    const [from, to] = [-yaw - this.halfBeam, -yaw + this.halfBeam];
+    context.beginPath();
+    context.moveTo(...at);
+    context.arc(...at, radius, from, to);
+    context.closePath();
+    context.fillStyle = echo ? "rgba(247, 190, 70, 0.28)" : "rgba(247, 213, 138, 0.12)";
+    context.fill();
+    if (!echo) return;
+    context.beginPath();
+    context.arc(...at, radius, from, to);
+    context.strokeStyle = BEAM;
+    context.lineWidth = 2.5 * px;
+    context.stroke();
+  }
+
+  drawTrail(context, view, trail, px) {
+    context.strokeStyle = "rgba(192, 38, 211, 0.55)";
+    context.lineWidth = 2 * px;
+    context.beginPath();
+    trail.forEach(({ x, y }) => context.lineTo(...view.toScreen(x, y)));
+    context.stroke();
+  }
+
+  drawMover(context, view, mover, px) {
+    ring(context, view, mover, MOVER, px, []);
+    const [x, y] = view.toScreen(mover.x, mover.y);
+    const [toX, toY] = view.toScreen(mover.x + mover.vx, mover.y + mover.vy);
+    context.strokeStyle = MOVER;
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(toX, toY);
+    context.stroke();
+    label(context, mover.name, x, y - Math.max(12 * px, mover.radius * view.scale) - 4 * px, MOVER, px);
+  }
+}
+
+function dot(context, [x, y], radius, colour) {
+  context.fillStyle = colour;
+  context.beginPath();
+  context.arc(x, y, radius, 0, 7);
+  context.fill();
+}
+
+function ring(context, view, { x, y, radius }, colour, px, dashes) {
+  context.strokeStyle = colour;
+  context.lineWidth = 2.5 * px;
+  context.setLineDash(dashes);
+  context.beginPath();
+  context.arc(...view.toScreen(x, y), Math.max(6 * px, radius * view.scale), 0, 7);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function label(context, text, x, y, colour, px) {
+  context.font = `700 ${13 * px}px system-ui, sans-serif`;
+  context.textAlign = "center";
+  context.lineWidth = 4 * px;
+  context.strokeStyle = "#fff";
+  context.strokeText(text, x, y);
+  context.fillStyle = colour;
+  context.fillText(text, x, y);
+}
+
+function drawRobot(context, view, [x, y, yaw], px) {
+  const size = Math.max(9 * px, 0.25 * view.scale);
+  context.save();
+  context.translate(...view.toScreen(x, y));
+  context.rotate(-yaw);
+  context.beginPath();
+  context.moveTo(size, 0);
+  context.lineTo(-0.8 * size, 0.7 * size);
+  context.lineTo(-0.5 * size, 0);
+  context.lineTo(-0.8 * size, -0.7 * size);
+  context.closePath();
+  context.fillStyle = BLUE;
+  context.fill();
+  context.strokeStyle = "#fff";
+  context.lineWidth = 1.5 * px;
+  context.stroke();
+  context.restore();
+}
+
+function drawScale(context, view, px) {
+  const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
+  const metres = steps.filter((step) => step * view.scale <= 140 * px).at(-1) ?? 0.1;
+  const { width, height } = context.canvas;
+  const [right, bottom] = [width - 14 * px, height - 16 * px];
+  context.fillStyle = "#1d2430";
+  context.fillRect(right - metres * view.scale, bottom, metres * view.scale, 3 * px);
+  context.font = `600 ${12 * px}px system-ui, sans-serif`;
+  context.textAlign = "right";
+  context.fillText(`${metres} m`, right, bottom - 5 * px);
+}

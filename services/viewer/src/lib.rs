@@ -1,0 +1,31 @@
+//! A page that shows a running deployment in a browser.
+//!
+//! The viewer reads what is on the bus and keeps the newest of it on a [`Board`]: the map by tiles, the robot with its sonar
+//! cones and what moves, the processes. Whoever opens the page is sent what he has not been sent yet, twenty times a second,
+//! over one WebSocket; what he is too slow for is superseded on the board and never queued, so that a browser that hangs costs
+//! a few bytes of bookkeeping. The page itself is part of the command: no build step, nothing from other servers.
+//!
+//! - Core: [`Board`], [`Scene`], [`Status`], the [`http`] heads and who may look ([`access`]), one [`Connection`] over any stream.
+//! - Shell: [`run`] joins it to the bus and to sockets. Everything happens in the one loop of the process.
+//!
+//! A page at an address of this computer is served to this computer's own pages only (`Host` and `Origin` are checked, so that
+//! no other site's page can read it); one at another address asks for the token.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+pub mod access;
+mod board;
+pub mod camera;
+mod connection;
+pub mod http;
+mod inputs;
+mod page;
+mod process;
+mod scene;
+mod server;
+mod status;
+
+pub use board::{Board, Cursor, Topic};
+pub use connection::{Command, Connection, Offer, Site};
+pub use process::{ViewerError, run};
+pub use scene::{Beam, CameraView, Moving, Region, Replay, Scene, SceneView};
+pub use status::Status;

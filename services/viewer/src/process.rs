@@ -1,0 +1,258 @@
+//! The viewer as a process: from the bus to browsers.
+
+use std::os::fd::BorrowedFd;
+use std::time::{Duration, Instant};
+
+use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
+use messages::{DeploymentStatus, PlaybackControl, ProcessState};
+use serde::Serialize;
+use settings::{BuiltIn, Settings};
+use tungstenite::Message;
+
+use crate::access::Access;
+use crate::board::{Board, Topic};
+use crate::inputs::{Inputs, Taken};
+use crate::scene::Scene;
+use crate::server::Server;
+use crate::status::Status;
+
+/// Time between two frames: 20 a second are enough for the eye.
+const FRAME: Duration = Duration::from_millis(50);
+/// Time between two pictures of the camera: 12 a second.
+const PICTURE: Duration = Duration::from_millis(80);
+/// Time until a port that was taken is tried again.
+const RETRY: Duration = Duration::from_secs(2);
+/// How long browsers may take for the last frame.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// Why the viewer ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewerError {
+    /// The bus failed.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The process failed at its work.
+    #[error("{0}")]
+    Run(#[from] RunError),
+}
+
+/// Shows the deployment until its run has ended.
+///
+/// # Errors
+/// When the bus fails. A port that cannot be had is no failure: the run goes on without the page, and the status says so.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), ViewerError> {
+    let mut board = Board::default();
+    board.put(Topic::Deployment, as_text(&Deployment::of(settings)));
+    let others = settings.process.iter().filter(|process| !process.runs(BuiltIn::Viewer) && !process.runs(BuiltIn::Recorder));
+    let mut viewer = Viewer {
+        inputs: Inputs::open(&mut shell)?,
+        control: if settings.runs(BuiltIn::Playback) { Some(shell.writer()?) } else { None },
+        commands: 0,
+        scene: Scene::new(settings.mapping.cell_m.get(), playback(settings)),
+        board,
+        settings: settings.clone(),
+        server: None,
+        trouble: String::new(),
+        tried: None,
+        framed: Instant::now(),
+        pictured: Instant::now(),
+        scene_is_news: false,
+        others: others.map(|process| process.name.as_str().to_owned()).collect(),
+        over_since: None,
+    };
+    Ok(shell.run(&mut viewer)?)
+}
+
+/// Name of the process that plays a log.
+fn playback(settings: &Settings) -> Option<&str> {
+    settings.process.iter().find(|process| process.runs(BuiltIn::Playback)).map(|process| process.name.as_str())
+}
+
+/// What the page is told of the deployment.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename = "deployment")]
+struct Deployment<'a> {
+    name: &'a str,
+    cell_m: f64,
+    half_beam_rad: f64,
+    has_unfiltered: bool,
+    is_simulated: bool,
+    /// Whether there is a replay that obeys play and pause.
+    playback: bool,
+    /// Whether playback keeps a pace that can be set.
+    has_pace: bool,
+}
+
+impl<'a> Deployment<'a> {
+    fn of(settings: &'a Settings) -> Self {
+        Self {
+            name: settings.name.as_str(),
+            cell_m: settings.mapping.cell_m.get(),
+            half_beam_rad: settings.mapping.half_beam_deg.get().to_radians(),
+            has_unfiltered: settings.mapping.keep_unfiltered,
+            is_simulated: settings.runs(BuiltIn::Simulator),
+            playback: playback(settings).is_some(),
+            has_pace: settings.pace == settings::Pace::Live,
+        }
+    }
+}
+
+struct Viewer {
+    inputs: Inputs,
+    control: Option<Writer<PlaybackControl>>,
+    commands: u64,
+    scene: Scene,
+    board: Board,
+    settings: Settings,
+    /// None until a port could be had.
+    server: Option<Server>,
+    /// Why there is none.
+    trouble: String,
+    tried: Option<Instant>,
+    framed: Instant,
+    pictured: Instant,
+    scene_is_news: bool,
+    /// Whose end ends the page.
+    others: Vec<String>,
+    over_since: Option<Instant>,
+}
+
+impl bus::Process for Viewer {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let now = Instant::now();
+        self.open(now);
+        let taken = self.inputs.take(&mut self.board, &mut self.scene)?;
+        self.note_news(&taken, now);
+        self.take_pictures(now)?;
+        self.obey(context, now)?;
+        let next = self.show(now);
+        self.report(context);
+        if context.stopping() || self.is_done(now) {
+            self.server.iter_mut().for_each(Server::bid_farewell);
+            return Ok(Next::Finished);
+        }
+        Ok(if taken.more { Next::Again } else { next })
+    }
+
+    fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        self.server.as_ref().map(Server::descriptors).unwrap_or_default()
+    }
+}
+
+impl Viewer {
+    /// Opens the page, now and then, until it is open.
+    fn open(&mut self, now: Instant) {
+        if self.server.is_some() || self.tried.is_some_and(|tried| now.saturating_duration_since(tried) < RETRY) {
+            return;
+        }
+        let of = &self.settings.viewer;
+        let (address, port) = (of.address.get(), of.port.get() as u16);
+        let access = Access::new(address, of.token.as_ref().map(settings::Token::as_str));
+        match Server::bind(address, port, access, self.control.is_some()).and_then(|server| Ok((server.address()?, server))) {
+            Ok((address, server)) => {
+                tracing::debug!("the page is at http://{address}/");
+                self.trouble.clear();
+                self.server = Some(server);
+            }
+            Err(error) => {
+                let trouble = format!("no page: {address}, port {port} and the next nine: {error}");
+                if self.trouble != trouble {
+                    tracing::warn!("{trouble}");
+                    self.trouble = trouble;
+                }
+                self.tried = Some(now);
+            }
+        }
+    }
+
+    fn take_pictures(&mut self, now: Instant) -> Result<(), BusError> {
+        let is_watched = self.server.as_ref().is_some_and(|server| server.watching() > 0);
+        let are_wanted = is_watched && now.saturating_duration_since(self.pictured) >= PICTURE;
+        if are_wanted {
+            self.pictured = now;
+        }
+        self.inputs.take_pictures(&mut self.board, are_wanted)
+    }
+
+    fn note_news(&mut self, taken: &Taken, now: Instant) {
+        self.scene_is_news |= taken.scene;
+        if let Some(status) = &taken.status {
+            self.board.put(Topic::Status, as_text(&Status::from(status)));
+            if self.over_since.is_none() && self.others_are_over(status) {
+                self.over_since = Some(now);
+            }
+        }
+    }
+
+    /// Whether the run ends and everybody is over who has something to show.
+    fn others_are_over(&self, status: &DeploymentStatus) -> bool {
+        let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
+        let processes = status.processes.iter().take(status.count as usize);
+        let mut others = processes.filter(|it| self.others.iter().any(|name| name == it.process.as_str()));
+        status.ending == 1 && others.all(|it| over.contains(&it.state))
+    }
+
+    /// Hands on to playback what browsers ask for.
+    fn obey(&mut self, context: &Context<'_>, now: Instant) -> Result<(), BusError> {
+        let commands = self.server.as_mut().map(|server| server.advance(now)).unwrap_or_default();
+        // Of several browsers that want something, the last one has it.
+        let Some((control, command)) = self.control.as_mut().zip(commands.last()) else { return Ok(()) };
+        self.commands += 1;
+        control.send_with(self.commands, context.now_ns(), |control| {
+            control.speed = command.times.clamp(PlaybackControl::SLOWEST, PlaybackControl::FASTEST);
+            control.paused = u32::from(command.paused);
+        })
+    }
+
+    /// Sends a frame when it is time for one; when to look again.
+    fn show(&mut self, now: Instant) -> Next {
+        let Some(server) = &mut self.server else { return Next::WaitAtMost(RETRY) };
+        let until_next = FRAME.saturating_sub(now.saturating_duration_since(self.framed));
+        if server.watching() == 0 {
+            return if server.is_writing() { Next::WaitAtMost(FRAME) } else { Next::Wait };
+        }
+        if !until_next.is_zero() {
+            return Next::WaitAtMost(until_next);
+        }
+        self.framed = now;
+        if std::mem::take(&mut self.scene_is_news) {
+            self.board.put(Topic::Scene, as_text(&self.scene.view()));
+        }
+        server.offer(&self.board, now);
+        // What is left over, or comes to somebody who has just joined, is offered with the next frame.
+        Next::WaitAtMost(FRAME)
+    }
+
+    /// Whether the run has ended and everybody has been sent the end of it, or had the time to take it.
+    fn is_done(&self, now: Instant) -> bool {
+        let Some(since) = self.over_since else { return false };
+        let elapsed = now.saturating_duration_since(since);
+        let nobody_waits = self.server.as_ref().is_none_or(|server| !server.is_behind(&self.board));
+        nobody_waits || elapsed >= FAREWELL
+    }
+
+    fn report(&self, context: &mut Context<'_>) {
+        let Some(server) = &self.server else { return context.note(&self.trouble) };
+        let served = server.served;
+        context.count("browsers", server.watching() as u64);
+        context.count("tiles", self.board.tiles() as u64);
+        context.count("frames sent", served.frames);
+        context.count("frames dropped", served.missed);
+        context.count("bytes sent", served.bytes);
+        context.count("connections refused", served.turned_away);
+        if let Ok(address) = server.address() {
+            context.note(&format!("http://{address}/"));
+        }
+    }
+}
+
+/// A message for the page.
+fn as_text(value: &impl Serialize) -> Message {
+    match serde_json::to_string(value) {
+        Ok(text) => Message::text(text),
+        Err(error) => {
+            tracing::error!("a message for the page cannot be written: {error}");
+            Message::text("{}")
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! The robot, its sonars and what moves, as of the newest scan.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::f64::consts::PI;
+
+use messages::{
+    CameraMotion, CameraStatus, FilterVerdict, Heartbeat, PlaybackControl, Pose, SonarMotion, SonarScan, TrackedWalker, TruthScan,
+    TruthSurfaces, Walkers,
+};
+use serde::Serialize;
+
+/// Scans kept until their verdict comes: more than a commit horizon at any robot's rate.
+const SCANS_KEPT: usize = 256;
+/// How long what moves is shown after it was last seen, s of sensor time.
+const MOVER_SHOWN_S: f64 = 1.0;
+/// Most places where the sonars see something move that are shown.
+const MOST_STIRS: usize = 32;
+/// Radius of a walker, m: what a person takes of the floor.
+const WALKER_RADIUS_M: f64 = 0.25;
+/// How long an echo that was left out of the map is shown, s of sensor time.
+const WITHHELD_SHOWN_S: f64 = 4.0;
+/// Most echoes left out that are shown.
+const MOST_WITHHELD: usize = 64;
+/// How long an update region is shown, s of sensor time.
+const REGION_SHOWN_S: f64 = 0.6;
+/// Most update regions that are shown.
+const MOST_REGIONS: usize = 32;
+
+/// What the newest messages say of the robot and of what moves.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    cell_m: f64,
+    /// Name of the process that plays a log.
+    playback: Option<String>,
+    replay: Option<Replay>,
+    first_ns: Option<u64>,
+    stamp_ns: u64,
+    scans: u64,
+    pose: Pose,
+    /// The newest reading of each sonar.
+    beams: BTreeMap<u32, Timed<Beam>>,
+    /// Scans that wait for their verdict.
+    waiting: VecDeque<(u64, Timed<SonarScan>)>,
+    walkers: BTreeMap<u64, Timed<TrackedWalker>>,
+    stirs: VecDeque<Timed<Region>>,
+    camera: Option<CameraView>,
+    regions: VecDeque<Timed<Region>>,
+    withheld: VecDeque<Timed<[f64; 2]>>,
+    /// What the last verdict rests on.
+    inputs: Option<u32>,
+    /// Where the map's frame begins in the world's.
+    start: Option<Pose>,
+    people: Vec<[f64; 2]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Timed<T> {
+    stamp_ns: u64,
+    it: T,
+}
+
+/// A sonar's newest reading in the map frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Beam {
+    /// The transducer, m.
+    pub x: f64,
+    /// The transducer, m.
+    pub y: f64,
+    /// The beam's axis, rad.
+    pub yaw: f64,
+    /// Where the echo came from, or the sensor's limit, m.
+    pub range: f64,
+    /// Whether something came back.
+    pub echo: bool,
+}
+
+/// A disc in the map frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Region {
+    /// Centre, m.
+    pub x: f64,
+    /// Centre, m.
+    pub y: f64,
+    /// Radius, m.
+    pub radius: f64,
+}
+
+/// A thing that moves, in the map frame.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Moving {
+    /// Its name: letters, the same as long as it is tracked.
+    pub name: String,
+    /// Where it is, m, and how large.
+    #[serde(flatten)]
+    pub region: Region,
+    /// Its velocity along x, m/s.
+    pub vx: f64,
+    /// Its velocity along y, m/s.
+    pub vy: f64,
+}
+
+/// What moves in the camera's picture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraView {
+    /// How the last picture was taken, in words.
+    pub state: &'static str,
+    /// Height of the picture over its width.
+    pub aspect: f64,
+    /// Left, top, right and bottom of each blob, as shares of the picture.
+    pub blobs: Vec<[f64; 4]>,
+}
+
+/// A replay as it says itself that it is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Replay {
+    /// It stands still.
+    pub paused: bool,
+    /// Times the drive's pace; none in lockstep, which has no pace.
+    pub times: Option<f64>,
+    /// Share of the log that is read.
+    pub done: f64,
+}
+
+/// What the page draws over the map.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename = "scene")]
+pub struct SceneView {
+    /// Sensor time since the first scan, s.
+    pub t: f64,
+    /// Scans so far.
+    pub scans: u64,
+    /// x, y (m) and yaw (rad) of the robot in the map frame; none before the first scan.
+    pub robot: Option<[f64; 3]>,
+    /// The newest reading of each sonar.
+    pub beams: Vec<Beam>,
+    /// What moves, as the filter follows it.
+    pub movers: Vec<Moving>,
+    /// Where the sonars see something move.
+    pub stirs: Vec<Region>,
+    /// Where the filter keeps echoes out.
+    pub regions: Vec<Region>,
+    /// Echoes that were lately left out of the map, m.
+    pub withheld: Vec<[f64; 2]>,
+    /// Whether verdicts rest on the sonar's motion; none without verdicts.
+    pub from_sonar: Option<bool>,
+    /// Whether verdicts rest on the camera's motion; none without verdicts.
+    pub from_camera: Option<bool>,
+    /// Where people are, m: the simulator's truth.
+    pub people: Vec<[f64; 2]>,
+    /// What moves in the camera's picture, when there is a camera.
+    pub camera: Option<CameraView>,
+    /// The replay, when there is one.
+    pub replay: Option<Replay>,
+}
+
+impl Scene {
+    /// A scene over a map with cells of this edge, m, and the name of the process that plays a log, if one does.
+    #[must_use]
+    pub fn new(cell_m: f64, playback: Option<&str>) -> Self {
+        Self { cell_m, playback: playback.map(str::to_owned), ..Self::default() }
+    }
+
+    /// Takes what a process says of itself; true when it is news of a replay.
+    pub fn heartbeat(&mut self, heartbeat: &Heartbeat) -> bool {
+        if self.playback.as_deref() != Some(heartbeat.process.as_str()) {
+            return false;
+        }
+        let counters = heartbeat.counters.iter().take(heartbeat.counters_count as usize);
+        let value = |name: &str| counters.clone().find(|counter| counter.name.as_str() == name).map(|counter| counter.value);
+        let share = |(done, total): (u64, u64)| if total > 0 { done as f64 / total as f64 } else { 0.0 };
+        let replay = Replay {
+            paused: value(PlaybackControl::PAUSED) == Some(1),
+            times: value(PlaybackControl::PERCENT).map(|percent| percent as f64 * 0.01),
+            done: value("done").zip(value("total")).map_or(0.0, share),
+        };
+        self.replay.replace(replay) != Some(replay)
+    }
+
+    /// Takes a scan.
+    pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) {
+        self.first_ns.get_or_insert(stamp_ns);
+        self.stamp_ns = stamp_ns;
+        self.scans = seq;
+        self.pose = scan.pose;
+        for reading in scan.readings() {
+            let Pose { x_m: x, y_m: y, yaw_rad: yaw } = scan.pose.then(&reading.mount);
+            let it = Beam { x, y, yaw, range: reading.range_m, echo: reading.echo == 1 };
+            self.beams.insert(reading.sonar, Timed { stamp_ns, it });
+        }
+        self.waiting.push_back((seq, Timed { stamp_ns, it: *scan }));
+        if self.waiting.len() > SCANS_KEPT {
+            self.waiting.pop_front();
+        }
+        self.forget();
+    }
+
+    /// Takes the verdict on a scan.
+    pub fn verdict(&mut self, seq: u64, verdict: &FilterVerdict) {
+        self.inputs = Some(verdict.inputs);
+        while self.waiting.front().is_some_and(|(waiting, _)| *waiting < seq) {
+            self.waiting.pop_front();
+        }
+        for region in verdict.regions.iter().take(verdict.count as usize) {
+            let it = Region { x: region.x_m, y: region.y_m, radius: self.radius(region.cells) };
+            keep(&mut self.regions, MOST_REGIONS, Timed { stamp_ns: self.stamp_ns, it });
+        }
+        let Some((_, Timed { it: scan, .. })) = self.waiting.pop_front_if(|(waiting, _)| *waiting == seq) else { return };
+        for (index, reading) in scan.readings().iter().enumerate() {
+            if verdict.withholds(index) && reading.echo == 1 {
+                let at = scan.pose.then(&reading.mount).then(&Pose { x_m: reading.range_m, ..Pose::default() });
+                keep(&mut self.withheld, MOST_WITHHELD, Timed { stamp_ns: self.stamp_ns, it: [at.x_m, at.y_m] });
+            }
+        }
+    }
+
+    /// Takes what the sonars see move.
+    pub fn motion(&mut self, stamp_ns: u64, motion: &SonarMotion) {
+        for mover in motion.movers() {
+            let it = Region { x: mover.map_x_m, y: mover.map_y_m, radius: self.radius(f64::from(mover.cells)) };
+            keep(&mut self.stirs, MOST_STIRS, Timed { stamp_ns, it });
+        }
+    }
+
+    /// Takes what moves as the filter follows it.
+    pub fn walkers(&mut self, stamp_ns: u64, walkers: &Walkers) {
+        for walker in walkers.walkers() {
+            self.walkers.insert(walker.track, Timed { stamp_ns, it: *walker });
+        }
+    }
+
+    /// Takes what moves in the camera's picture.
+    pub fn camera(&mut self, motion: &CameraMotion) {
+        let share = |px: u32, of: u32| f64::from(px) / f64::from(of.max(1));
+        let (width, height) = (motion.width, motion.height);
+        self.camera = Some(CameraView {
+            state: match CameraStatus::from_number(motion.status) {
+                Some(CameraStatus::Compensated) => "what moves is framed",
+                Some(CameraStatus::Learning) => "learning what stands still",
+                Some(CameraStatus::NotCompensated) => "the camera's own motion was not found",
+                Some(CameraStatus::Refused) | None => "a picture was refused",
+            },
+            aspect: share(height, width),
+            blobs: motion
+                .blobs()
+                .iter()
+                .map(|blob| {
+                    [share(blob.left_px, width), share(blob.top_px, height), share(blob.right_px, width), share(blob.bottom_px, height)]
+                })
+                .collect(),
+        });
+    }
+
+    /// Takes where people really are.
+    pub fn truth(&mut self, truth: &TruthScan) {
+        let Some(start) = self.start else { return };
+        let (sin, cos) = start.yaw_rad.sin_cos();
+        let walkers = truth.walkers_m.iter().take(truth.walkers_count as usize);
+        self.people = walkers
+            .map(|[x, y]| {
+                let (dx, dy) = (x - start.x_m, y - start.y_m);
+                [cos * dx + sin * dy, cos * dy - sin * dx]
+            })
+            .collect();
+    }
+
+    /// Takes where the drive starts in the world.
+    pub fn surfaces(&mut self, surfaces: &TruthSurfaces) {
+        self.start = Some(surfaces.start);
+    }
+
+    /// What is to be drawn.
+    #[must_use]
+    pub fn view(&self) -> SceneView {
+        SceneView {
+            t: self.first_ns.map_or(0.0, |first_ns| seconds(first_ns, self.stamp_ns)),
+            scans: self.scans,
+            robot: self.first_ns.map(|_| [self.pose.x_m, self.pose.y_m, self.pose.yaw_rad]),
+            beams: self.beams.values().map(|beam| beam.it).collect(),
+            movers: self.walkers.values().map(|walker| moving(&walker.it)).collect(),
+            stirs: self.stirs.iter().map(|stir| stir.it).collect(),
+            regions: self.regions.iter().map(|region| region.it).collect(),
+            withheld: self.withheld.iter().map(|echo| echo.it).collect(),
+            from_sonar: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_SONAR != 0),
+            from_camera: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_CAMERA != 0),
+            people: self.people.clone(),
+            camera: self.camera.clone(),
+            replay: self.replay,
+        }
+    }
+
+    /// Drops what was seen too long ago. Stamps that jump, as between two drives, drop everything.
+    fn forget(&mut self) {
+        let now = self.stamp_ns;
+        let fresh = |stamp_ns: u64, shown_s: f64| seconds(stamp_ns, now) <= shown_s;
+        self.walkers.retain(|_, walker| fresh(walker.stamp_ns, MOVER_SHOWN_S));
+        self.stirs.retain(|stir| fresh(stir.stamp_ns, REGION_SHOWN_S));
+        self.regions.retain(|region| fresh(region.stamp_ns, REGION_SHOWN_S));
+        self.withheld.retain(|echo| fresh(echo.stamp_ns, WITHHELD_SHOWN_S));
+        self.beams.retain(|_, beam| fresh(beam.stamp_ns, MOVER_SHOWN_S));
+    }
+
+    /// Radius of a disc of so many cells, m.
+    fn radius(&self, cells: f64) -> f64 {
+        (cells.max(0.0) / PI).sqrt() * self.cell_m
+    }
+}
+
+fn moving(walker: &TrackedWalker) -> Moving {
+    let region = Region { x: walker.x_m, y: walker.y_m, radius: WALKER_RADIUS_M };
+    Moving { name: name(walker.track), region, vx: walker.velocity_x_m_s, vy: walker.velocity_y_m_s }
+}
+
+/// Seconds from a stamp to a later one.
+fn seconds(from_ns: u64, to_ns: u64) -> f64 {
+    to_ns.saturating_sub(from_ns) as f64 * 1e-9
+}
+
+fn keep<T>(queue: &mut VecDeque<T>, most: usize, it: T) {
+    queue.push_back(it);
+    if queue.len() > most {
+        queue.pop_front();
+    }
+}
+
+/// Track 1 is A, 26 is Z, 27 is AA; 0 has no name.
+fn name(mut track: u64) -> String {
+    let mut letters = Vec::new();
+    while track > 0 {
+        track -= 1;
+        letters.push(char::from(b'A' + (track % 26) as u8));
+        track /= 26;
+    }
+    letters.iter().rev().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::{Blob, Counter, Mover, SonarReading, Text, UpdateRegion};
+
+    fn scan(x_m: f64) -> SonarScan {
+        let mount = Pose { x_m: 0.1, y_m: 0.0, yaw_rad: PI / 2.0 };
+        let reading = SonarReading { mount, range_m: 2.0, sonar: 3, echo: 1 };
+        SonarScan::new(Pose { x_m, y_m: 0.0, yaw_rad: 0.0 }, &[reading], false)
+    }
+
+    #[test]
+    fn a_withheld_echo_is_shown_where_it_came_from() {
+        let mut scene = Scene::new(0.05, None);
+        scene.scan(1, 0, &scan(1.0));
+        scene.scan(2, 100_000_000, &scan(5.0));
+        let mut verdict = FilterVerdict { withheld: 1, count: 1, inputs: FilterVerdict::FROM_SONAR, ..FilterVerdict::default() };
+        verdict.regions[0] = UpdateRegion { x_m: 1.1, y_m: 2.0, cells: PI * 16.0 };
+        scene.verdict(1, &verdict);
+        let view = scene.view();
+        assert!((view.withheld[0][0] - 1.1).abs() < 1e-9 && (view.withheld[0][1] - 2.0).abs() < 1e-9, "{:?}", view.withheld);
+        assert_eq!(view.regions, [Region { x: 1.1, y: 2.0, radius: 4.0 * 0.05 }]);
+        assert_eq!((view.from_sonar, view.from_camera), (Some(true), Some(false)));
+        scene.verdict(2, &FilterVerdict::default());
+        assert_eq!(scene.view().withheld.len(), 1, "an echo that was kept is not shown");
+        scene.scan(3, 9_000_000_000, &scan(6.0));
+        let view = scene.view();
+        assert!(view.withheld.is_empty() && view.regions.is_empty());
+        assert_eq!((view.t, view.scans, view.robot), (9.0, 3, Some([6.0, 0.0, 0.0])));
+    }
+
+    #[test]
+    fn what_moves_has_a_name_as_long_as_it_is_seen() {
+        let mut scene = Scene::new(0.05, None);
+        let mut walkers = Walkers { count: 1, ..Walkers::default() };
+        walkers.walkers[0] = TrackedWalker { x_m: 3.0, velocity_y_m_s: 1.2, track: 2, ..TrackedWalker::default() };
+        scene.walkers(0, &walkers);
+        let mut motion = SonarMotion { count: 1, ..SonarMotion::default() };
+        motion.movers[0] = Mover { map_x_m: 2.0, cells: 50, ..Mover::default() };
+        scene.motion(0, &motion);
+        let view = scene.view();
+        assert_eq!((view.movers.len(), view.movers[0].name.as_str(), view.movers[0].region.x), (1, "B", 3.0));
+        assert_eq!((view.stirs.len(), view.stirs[0].x), (1, 2.0));
+        scene.scan(9, 2_000_000_000, &scan(0.0));
+        assert!(scene.view().movers.is_empty() && scene.view().stirs.is_empty());
+        for (track, expected) in [(0, ""), (1, "A"), (26, "Z"), (27, "AA"), (52, "AZ"), (53, "BA")] {
+            assert_eq!(name(track), expected);
+        }
+        assert_eq!(name(u64::MAX).len(), 14);
+    }
+
+    #[test]
+    fn a_replay_is_as_it_says_itself() {
+        let mut scene = Scene::new(0.05, Some("playback"));
+        let mut beat = Heartbeat { process: Text::new("mapping"), ..Heartbeat::default() };
+        assert!(!scene.heartbeat(&beat) && scene.view().replay.is_none());
+        beat.process = Text::new("playback");
+        let counters = [("done", 25), ("total", 100), (PlaybackControl::PAUSED, 1), (PlaybackControl::PERCENT, 250)];
+        for (place, (name, value)) in beat.counters.iter_mut().zip(counters) {
+            *place = Counter { name: Text::new(name), value };
+        }
+        beat.counters_count = 4;
+        assert!(scene.heartbeat(&beat) && !scene.heartbeat(&beat));
+        assert_eq!(scene.view().replay, Some(Replay { paused: true, times: Some(2.5), done: 0.25 }));
+    }
+
+    #[test]
+    fn blobs_are_shares_of_the_picture() {
+        let mut scene = Scene::new(0.05, None);
+        let mut motion =
+            CameraMotion { count: 1, width: 160, height: 120, status: CameraStatus::Learning as u32, ..CameraMotion::default() };
+        motion.blobs[0] = Blob { left_px: 40, top_px: 30, right_px: 80, bottom_px: 120, ..Blob::default() };
+        scene.camera(&motion);
+        let camera = scene.view().camera.unwrap();
+        assert_eq!((camera.blobs[0], camera.aspect), ([0.25, 0.25, 0.5, 1.0], 0.75));
+        assert!(camera.state.starts_with("learning"));
+    }
+
+    #[test]
+    fn people_are_shown_in_the_frame_of_the_map() {
+        let mut scene = Scene::new(0.05, None);
+        let mut truth = TruthScan { walkers_count: 1, ..TruthScan::default() };
+        truth.walkers_m[0] = [1.0, 5.0];
+        scene.truth(&truth);
+        assert!(scene.view().people.is_empty(), "not before the start is known");
+        scene.surfaces(&TruthSurfaces { start: Pose { x_m: 1.0, y_m: 2.0, yaw_rad: PI / 2.0 }, ..TruthSurfaces::default() });
+        scene.truth(&truth);
+        let [[x, y]] = scene.view().people[..] else { panic!("one walker") };
+        assert!((x - 3.0).abs() < 1e-9 && y.abs() < 1e-9, "{x} {y}");
+    }
+}

@@ -1,0 +1,188 @@
+//! One browser on the other end of a stream: what it is answered, and that nothing it does hurts anybody else.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+use std::io::{Read, Write};
+use std::os::unix::net::UnixStream;
+use std::time::{Duration, Instant};
+
+use messages::{MapTile, TILE_CELLS};
+use proptest::prelude::*;
+use stillmap_viewer::access::Access;
+use stillmap_viewer::{Board, Command, Connection, Offer, Site, Topic};
+use tungstenite::protocol::{Role, WebSocket};
+use tungstenite::{Bytes, Message};
+
+const HANDSHAKE: &str = "GET /live HTTP/1.1\r\nHost: localhost:8088\r\nOrigin: http://localhost:8088\r\nUpgrade: websocket\r\n\
+    Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+
+struct Ends {
+    server: Connection<UnixStream>,
+    client: UnixStream,
+    access: Access,
+    now: Instant,
+}
+
+impl Ends {
+    fn new() -> Self {
+        let (server, client) = UnixStream::pair().unwrap();
+        server.set_nonblocking(true).unwrap();
+        let now = Instant::now();
+        Self { server: Connection::new(server, now), client, access: Access::new("127.0.0.1".parse().unwrap(), None), now }
+    }
+
+    fn advance(&mut self) -> Vec<Command> {
+        self.server.advance(Site { access: &self.access, obeys: true }, self.now)
+    }
+
+    /// Asks and reads all of the answer.
+    fn ask(mut self, request: &str) -> String {
+        self.client.write_all(request.as_bytes()).unwrap();
+        while !self.server.is_over() {
+            self.advance();
+        }
+        drop(self.server);
+        let mut answer = String::new();
+        self.client.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    /// A browser that watches.
+    fn watching() -> (Self, WebSocket<UnixStream>) {
+        let mut ends = Self::new();
+        ends.client.write_all(HANDSHAKE.as_bytes()).unwrap();
+        ends.advance();
+        let mut answer = Vec::new();
+        while !answer.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            ends.client.read_exact(&mut byte).unwrap();
+            answer.extend(byte);
+        }
+        assert!(answer.starts_with(b"HTTP/1.1 101 ") && ends.server.is_watching());
+        let socket = WebSocket::from_raw_socket(ends.client.try_clone().unwrap(), Role::Client, None);
+        (ends, socket)
+    }
+}
+
+fn tile(column: i32, value: f32) -> MapTile {
+    MapTile { cell_m: 0.05, column, tiles_in_layer: 1, log_odds: [value; TILE_CELLS], ..MapTile::default() }
+}
+
+#[test]
+fn the_page_and_its_parts_are_served_and_nothing_else_is() {
+    let get = |path: &str| Ends::new().ask(&format!("GET {path} HTTP/1.1\r\nHost: localhost:8088\r\n\r\n"));
+    let page = get("/?x=1");
+    assert!(page.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/html") && page.contains("default-src 'none'"), "{page}");
+    assert!(page.ends_with("</html>\n"));
+    assert!(get("/main.js").starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/javascript"));
+    for (path, status) in [("/../Cargo.toml", "404"), ("/main.js/", "404"), ("/live", "426"), ("*", "404")] {
+        assert!(get(path).starts_with(&format!("HTTP/1.1 {status} ")), "{path}: {}", get(path));
+    }
+    assert!(Ends::new().ask("POST / HTTP/1.1\r\n\r\n").starts_with("HTTP/1.1 400 "));
+    assert!(Ends::new().ask("\u{16}\u{3}\u{1} TLS\r\n\r\n").starts_with("HTTP/1.1 400 "));
+}
+
+#[test]
+fn foreign_pages_and_wrong_tokens_are_refused() {
+    let foreign = HANDSHAKE.replace("Origin: http://localhost:8088", "Origin: https://example.org");
+    assert!(Ends::new().ask(&foreign).starts_with("HTTP/1.1 403 "));
+    let with_token = || Ends { access: Access::new("0.0.0.0".parse().unwrap(), Some("0123456789abcdef")), ..Ends::new() };
+    assert!(with_token().ask(HANDSHAKE).starts_with("HTTP/1.1 401 "));
+    assert!(with_token().ask("GET / HTTP/1.1\r\nHost: localhost:8088\r\n\r\n").starts_with("HTTP/1.1 401 "));
+    assert!(with_token().ask("GET /?token=0123456789abcdef HTTP/1.1\r\nHost: robot\r\n\r\n").starts_with("HTTP/1.1 200 "));
+}
+
+#[test]
+fn a_request_may_come_in_pieces_but_not_for_ever() {
+    let mut ends = Ends::new();
+    for byte in HANDSHAKE.bytes() {
+        assert!(!ends.server.is_watching());
+        ends.client.write_all(&[byte]).unwrap();
+        ends.advance();
+    }
+    assert!(ends.server.is_watching());
+    let mut slow = Ends::new();
+    slow.client.write_all(b"GET / HT").unwrap();
+    slow.advance();
+    assert!(!slow.server.is_over());
+    slow.now += Duration::from_secs(6);
+    slow.advance();
+    assert!(slow.server.is_over());
+}
+
+#[test]
+fn who_watches_is_sent_what_he_lacks_and_is_heard() {
+    let (mut ends, mut socket) = Ends::watching();
+    let mut board = Board::default();
+    board.put(Topic::Status, Message::text("{}"));
+    board.tile(&tile(0, 1.0));
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::Taken(2 + 4 + 12 + TILE_CELLS));
+    assert_eq!(socket.read().unwrap(), Message::text("{}"));
+    assert_eq!(socket.read().unwrap().len(), 4 + 12 + TILE_CELLS);
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::Taken(0));
+    socket.send(Message::text("{\"paused\":true,\"times\":2.5}")).unwrap();
+    assert_eq!(ends.advance(), [Command { paused: true, times: 2.5 }]);
+    socket.close(None).unwrap();
+    ends.advance();
+    ends.advance();
+    assert!(ends.server.is_over());
+}
+
+#[test]
+fn whoever_takes_nothing_misses_frames_and_is_let_go() {
+    let (mut ends, _socket) = Ends::watching();
+    let mut board = Board::default();
+    let mut missed = 0;
+    let mut sent = 0;
+    for round in 0_u16..2_000 {
+        (0..32).for_each(|column| board.tile(&tile(column, f32::from(round % 4) - 1.5)));
+        match ends.server.offer(&board, ends.now) {
+            Offer::Taken(bytes) => sent += bytes,
+            Offer::Missed => missed += 1,
+            Offer::Absent => panic!("it was let go too early"),
+        }
+    }
+    assert!(missed > 1_900, "{missed} missed");
+    assert!(sent < 2_000_000, "{sent} bytes wait for it");
+    ends.now += Duration::from_secs(11);
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::Absent);
+    assert!(ends.server.is_over());
+}
+
+/// Ends a connection by what a browser sends.
+fn is_dismissed_for(bytes: &[u8]) -> bool {
+    let (mut ends, _socket) = Ends::watching();
+    ends.client.write_all(bytes).unwrap();
+    ends.advance();
+    ends.server.is_over()
+}
+
+#[test]
+fn what_is_malformed_ends_its_own_connection() {
+    let said = |message: Message| {
+        let (mut ends, mut socket) = Ends::watching();
+        socket.send(message).unwrap();
+        let commands = ends.advance();
+        assert!(commands.is_empty(), "{commands:?}");
+        ends.server.is_over()
+    };
+    for text in
+        ["", "{}", "{\"paused\":1,\"times\":1}", "{\"paused\":true,\"times\":1,\"more\":1}", "[]", "{\"paused\":true,\"times\":null}"]
+    {
+        assert!(said(Message::text(text)), "{text}");
+    }
+    assert!(said(Message::binary(vec![0; 10])));
+    assert!(said(Message::text(" ".repeat(2_000))), "too long");
+    assert!(is_dismissed_for(b"\x81\x02{}"), "not masked");
+    assert!(is_dismissed_for(&[0xff; 20]), "no frame");
+    assert!(!said(Message::Ping(Bytes::from_static(b"?"))));
+}
+
+proptest! {
+    #[test]
+    fn no_bytes_do_more_than_end_the_connection(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        is_dismissed_for(&bytes);
+        let mut ends = Ends::new();
+        ends.client.write_all(&bytes).unwrap();
+        ends.advance();
+    }
+}
