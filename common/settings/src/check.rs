@@ -104,17 +104,11 @@ impl Settings {
 
     /// Who may look: whoever is on this computer, or whoever knows the token.
     fn check_viewer(&self) -> Result<(), Fault> {
-        let Viewer { address, token, foxglove_port, .. } = &self.viewer;
-        if address.get().is_loopback() {
+        let Viewer { address, token, .. } = &self.viewer;
+        if address.get().is_loopback() || token.is_some() {
             return Ok(());
         }
-        if token.is_none() {
-            return Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token that keeps strangers out"));
-        }
-        match foxglove_port {
-            Some(_) => Err(Fault::new("viewer.foxglove_port", "none unless address is 127.0.0.1 or ::1, for Foxglove sends no token")),
-            None => Ok(()),
-        }
+        Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token that keeps strangers out"))
     }
 
     fn check_lists(&self) -> Result<(), Fault> {

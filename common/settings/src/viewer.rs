@@ -12,8 +12,6 @@ use crate::text::BadText;
 bounded! {
     /// The port of the page. When it is taken, the next nine are tried.
     PagePort: u32 in 1024..=65526, "", default 8088;
-    /// The port that Foxglove and Lichtblick connect to.
-    FoxglovePort: u32 in 1024..=65535, "";
 }
 
 /// Where the page is served.
@@ -37,14 +35,11 @@ pub struct Viewer {
     /// What a browser has to know: `http://ADDRESS:PORT/?token=TOKEN`. It goes over the network as it is written here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
-    /// Port that Foxglove and Lichtblick connect to; only at an address of this computer's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub foxglove_port: Option<FoxglovePort>,
 }
 
 impl Default for Viewer {
     fn default() -> Self {
-        Self { address: Address(IpAddr::V4(Ipv4Addr::LOCALHOST)), port: PagePort::default(), token: None, foxglove_port: None }
+        Self { address: Address(IpAddr::V4(Ipv4Addr::LOCALHOST)), port: PagePort::default(), token: None }
     }
 }
 

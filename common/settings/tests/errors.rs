@@ -101,7 +101,7 @@ fn unknown_and_missing_keys() {
     );
     check(
         "[lidar]\n",
-        "demo.toml:8: lidar: unknown key, expected one of std, name, pace, out, robot, camera, pioneer, fti, simulator, recorder, playback, process, mapping, supervisor",
+        "demo.toml:8: lidar: unknown key, expected one of std, viewer, name, pace, out, robot, camera, pioneer, fti, simulator, recorder, playback, process, mapping, supervisor",
     );
     check("[[robot.sonar]]\nx_m = 0.1\n", "demo.toml:8: robot.sonar[0].y_m: missing, expected this key");
     check("[[process]]\nrun = \"recorder\"", "demo.toml:8: process[2].name: missing, expected this key");
@@ -126,6 +126,20 @@ fn tables_of_the_tuning() {
         "demo.toml:9: mapping.tuning.p_free = [0.5, 0.7, 1.1]: expected three ascending numbers from 0 to 1",
     );
     check("[mapping.tuning]\np_free = [0.5, 0.7]", "demo.toml:9: mapping.tuning.p_free = [0.5, 0.7]: expected a list of 3");
+}
+
+#[test]
+fn who_may_look() {
+    check(
+        "[viewer]\naddress = \"robot\"",
+        "demo.toml:9: viewer.address = \"robot\": expected an IP address, such as \"127.0.0.1\" or \"0.0.0.0\"",
+    );
+    check(
+        "[viewer]\naddress = \"0.0.0.0\"",
+        "demo.toml:9: viewer.address = \"0.0.0.0\": expected 127.0.0.1 or ::1, or else a token that keeps strangers out",
+    );
+    check("[viewer]\ntoken = \"short\"", "demo.toml:9: viewer.token = \"short\": expected 16 to 128 of a-z, A-Z, 0-9, - and _");
+    check("[viewer]\nport = 80", "demo.toml:9: viewer.port = 80: expected a whole number, 1024 to 65526");
 }
 
 #[test]
