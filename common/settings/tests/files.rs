@@ -30,7 +30,7 @@ fn the_demo_starts_listeners_before_speakers() {
     assert_eq!(demo.pioneer.port, Port::Simulator);
     assert_eq!(demo.pace, Pace::Live);
     let ends: Vec<bool> = demo.process.iter().map(|process| process.ends_run).collect();
-    assert_eq!(ends, [false, false, false, false, true, false]);
+    assert_eq!(ends, [false, false, false, false, false, true, false]);
 }
 
 #[test]
