@@ -10,8 +10,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::chance::{normal, of_frame};
 use crate::geometry::{Ray, Vector};
-use crate::journey::{Journey, Turning, Waypoint};
-use crate::simulation::STANDSTILL_NS;
+use crate::journey::Journey;
+use crate::optics::Optics;
 use crate::still::Still;
 use crate::walker::Walker;
 use crate::world::{MAX_WALKERS, World};
@@ -34,39 +34,6 @@ const FALSE_FRAMES: u64 = 5;
 const FILLED: f64 = 0.6;
 /// Smaller ones are dropped by background subtraction, px.
 const LEAST_PX: f64 = 40.0;
-
-/// The camera as the robot takes it to be.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Optics {
-    /// Where it sits and looks, in the robot frame.
-    pub mount: Pose,
-    /// Above the floor, m.
-    pub height_m: f64,
-    /// Horizontal field of view, rad.
-    pub field_of_view_rad: f64,
-    /// Row of the horizon as a share of the picture's height.
-    pub horizon_share: f64,
-    /// Width and height of the picture, px.
-    pub size_px: [u32; 2],
-    /// Time from one frame to the next, ns.
-    pub interval_ns: u64,
-}
-
-impl Optics {
-    /// The camera that a deployment has.
-    #[must_use]
-    pub fn of_settings(camera: &settings::Camera) -> Self {
-        let yaw_rad = camera.heading_deg.get().to_radians();
-        Self {
-            mount: Pose { x_m: camera.x_m.get(), y_m: camera.y_m.get(), yaw_rad },
-            height_m: camera.height_m.get(),
-            field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
-            horizon_share: camera.horizon_share.get(),
-            size_px: [camera.width.get(), camera.height.get()],
-            interval_ns: (1e9 / camera.rate_hz.get()).round() as u64,
-        }
-    }
-}
 
 /// How often, and how far, background subtraction fails.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,10 +129,6 @@ impl Blobs {
     /// Before the first frame.
     #[must_use]
     pub fn new(world: &World, optics: &Optics, failings: &Failings, seed: u64) -> Self {
-        let [x_m, y_m] = world.robot.start_m.get();
-        let start = Pose { x_m, y_m, yaw_rad: world.robot.heading_deg.get().to_radians() };
-        let turning = Turning::OnTheSpot(world.robot.turn_deg_s.get().to_radians());
-        let waypoints: Vec<Waypoint> = world.robot.way.iter().map(Waypoint::from).collect();
         let walkers: Vec<Walker> = world.walkers.iter().take(MAX_WALKERS).map(Walker::new).collect();
         let size_px = optics.size_px.map(f64::from);
         let towards = |bit: u64| if seed >> bit & 1 == 0 { 1.0 } else { -1.0 };
@@ -173,12 +136,12 @@ impl Blobs {
             still: Still::of(world),
             moved_s: vec![0.0; walkers.len()],
             walkers,
-            journey: Journey::new(STANDSTILL_NS as f64 * 1e-9, start, world.robot.speed_m_s.get(), turning, &waypoints),
+            journey: Journey::of_robot(&world.robot),
             mount: optics.mount,
             size_px,
             interval_ns: optics.interval_ns,
-            focal_px: size_px[0] / 2.0 / (optics.field_of_view_rad / 2.0).tan() * (1.0 + towards(0) * failings.focal_share),
-            horizon_px: optics.horizon_share * size_px[1] + towards(1) * failings.horizon_px,
+            focal_px: optics.focal_px() * (1.0 + towards(0) * failings.focal_share),
+            horizon_px: optics.horizon_px() + towards(1) * failings.horizon_px,
             height_m: optics.height_m + towards(2) * failings.height_m,
             failings: *failings,
             seed,

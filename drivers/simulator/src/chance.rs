@@ -11,6 +11,9 @@ const STEPS: u64 = 1 << 63;
 /// Streams of the camera's frames.
 const FRAMES: u64 = 1 << 62;
 
+/// Streams of the grain of the camera's pictures.
+const GRAIN: u64 = 1 << 61;
+
 /// What chance decides about one ping.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PingChance {
@@ -48,6 +51,11 @@ pub(crate) fn of_step(seed: u64, step: u64) -> ChaCha8Rng {
 /// The numbers of a camera frame.
 pub(crate) fn of_frame(seed: u64, frame: u64) -> ChaCha8Rng {
     stream(seed, FRAMES | frame)
+}
+
+/// The numbers of the grain of a camera's picture.
+pub(crate) fn of_grain(seed: u64, frame: u64) -> ChaCha8Rng {
+    stream(seed, GRAIN | frame)
 }
 
 fn stream(seed: u64, number: u64) -> ChaCha8Rng {

@@ -3,6 +3,8 @@
 use messages::Pose;
 
 use crate::geometry::{Vector, angle, wrapped};
+use crate::simulation::STANDSTILL_NS;
+use crate::world::{Goal, Robot};
 
 /// A place to go to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -10,6 +12,12 @@ pub(crate) struct Waypoint {
     pub(crate) place: Vector,
     /// How long to stand there, s.
     pub(crate) stop_s: f64,
+}
+
+impl From<&Goal> for Waypoint {
+    fn from(goal: &Goal) -> Self {
+        Self { place: goal.to_m.vector(), stop_s: goal.stop_s.get() }
+    }
 }
 
 /// How the heading follows the way.
@@ -93,6 +101,15 @@ impl Stage {
 }
 
 impl Journey {
+    /// The way of a world's robot, in the time of the drive.
+    pub(crate) fn of_robot(robot: &Robot) -> Self {
+        let [x_m, y_m] = robot.start_m.get();
+        let start = Pose { x_m, y_m, yaw_rad: robot.heading_deg.get().to_radians() };
+        let turning = Turning::OnTheSpot(robot.turn_deg_s.get().to_radians());
+        let waypoints: Vec<Waypoint> = robot.way.iter().map(Waypoint::from).collect();
+        Self::new(STANDSTILL_NS as f64 * 1e-9, start, robot.speed_m_s.get(), turning, &waypoints)
+    }
+
     /// From `start` at `start_s` through every waypoint, at a constant speed in m/s.
     pub(crate) fn new(start_s: f64, start: Pose, speed_m_s: f64, turning: Turning, waypoints: &[Waypoint]) -> Self {
         let mut way = Builder { clock_s: start_s, at: start, covered_m: 0.0, stages: Vec::new() };

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`World`] | what stands and walks, and the robot's way, as a file has it |
 //! | [`Simulation`] | the drive: a packet every 100 ms of what the robot knows, with the truth behind it |
+//! | [`camera::Camera`] | what the robot's camera sees of it, and the truth of each pixel |
 //! | [`RobotEnd`] | the robot's end of the serial protocol: bytes in, bytes out |
 //! | [`run`] | the process: a pseudo-terminal, the deployment's clock, the truth on the bus |
 //!
@@ -17,6 +18,7 @@
 
 pub mod blobs;
 mod body;
+pub mod camera;
 mod chance;
 mod config_packet;
 mod drive_state;
@@ -24,6 +26,7 @@ mod geometry;
 mod journey;
 mod motion_feed;
 mod odometry;
+mod optics;
 mod process;
 pub mod quantity;
 mod robot_end;
@@ -36,6 +39,7 @@ mod wall;
 pub mod world;
 
 pub use body::Body;
+pub use optics::Optics;
 pub use process::{PORT_NAME, SimulatorError, read_world, run};
 pub use robot_end::RobotEnd;
 pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, STANDSTILL_NS, Simulation};

@@ -4,7 +4,8 @@ use bus::{BusError, Writer};
 use messages::CameraMotion;
 use settings::{Provides, Settings};
 
-use crate::blobs::{Blobs, Failings, Optics};
+use crate::blobs::{Blobs, Failings};
+use crate::optics::Optics;
 use crate::world::World;
 
 /// The camera of a drive whose background subtraction is pretended.

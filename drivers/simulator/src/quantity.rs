@@ -82,6 +82,8 @@ quantities! {
     StepLength: 0.1..=1.2, "0.1 to 1.2 m", default 0.6;
     /// A length of something built.
     BuiltLength: 0.01..=100.0, "0.01 to 100 m";
+    /// How high something stands above the floor, for the camera; sound is flat.
+    BuiltHeight: 0.05..=10.0, "0.05 to 10 m", default 0.75;
     /// How far a closed door stands behind its wall; negative: before it.
     Recess: -5.0..=5.0, "-5 to 5 m", default 0.0;
     /// Depth of the jambs of an open door.

@@ -4,7 +4,7 @@ use messages::{EchoLabel, MAX_READINGS, MAX_SURFACES_PER_CHUNK, Pose, Surface, T
 
 use crate::body::Body;
 use crate::chance::{self, PingChance};
-use crate::journey::{Journey, Turning, Waypoint};
+use crate::journey::Journey;
 use crate::odometry::Odometry;
 use crate::sonar::{Echo, Hearing, Leg, Source};
 use crate::still::Still;
@@ -66,15 +66,13 @@ impl Simulation {
     /// At the start of the drive.
     #[must_use]
     pub fn new(world: &World, body: &Body, seed: u64) -> Self {
-        let [x_m, y_m] = world.robot.start_m.get();
-        let start = Pose { x_m, y_m, yaw_rad: world.robot.heading_deg.get().to_radians() };
-        let turning = Turning::OnTheSpot(world.robot.turn_deg_s.get().to_radians());
-        let waypoints: Vec<Waypoint> = world.robot.way.iter().map(Waypoint::from).collect();
+        let journey = Journey::of_robot(&world.robot);
+        let start = journey.at(0.0).pose;
         Self {
             still: Still::of(world),
             walkers: world.walkers.iter().take(MAX_WALKERS).map(Walker::new).collect(),
             hearing: Hearing::new(&world.sonar, &world.surfaces),
-            journey: Journey::new(seconds(STANDSTILL_NS), start, world.robot.speed_m_s.get(), turning, &waypoints),
+            journey,
             odometry: Odometry::new(world.odometry, start),
             world: world.clone(),
             body: body.clone(),

@@ -71,12 +71,13 @@ impl Still {
 
 /// Every flat surface of the world.
 pub(crate) fn faces(world: &World) -> Vec<Face> {
-    let walls = world.walls.iter().flat_map(|wall| wall.pieces());
+    let walls = world.walls.iter().flat_map(|wall| wall.pieces()).map(|piece| (piece.segment, piece.surface));
     let boxes = world.boxes.iter().flat_map(sides);
     walls.chain(boxes).map(|(segment, surface)| Face { segment, surface }).collect()
 }
 
-fn sides(furniture: &Furniture) -> [(Segment, Surface); 4] {
+/// The sides of a rectangular thing.
+pub(crate) fn sides(furniture: &Furniture) -> [(Segment, Surface); 4] {
     let centre = furniture.centre_m.vector();
     let ahead = direction(furniture.heading_deg.get().to_radians());
     let [length_m, width_m] = furniture.size_m.map(|size| size.get() / 2.0);

@@ -10,13 +10,28 @@ use crate::world;
 const LEG_RADIUS_M: f64 = 0.07;
 
 /// Each leg's distance to the side of the body's middle, m.
-const HALF_STANCE_M: f64 = 0.09;
+pub(crate) const HALF_STANCE_M: f64 = 0.09;
 
 /// Somebody on two legs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Walker {
     journey: Journey,
     step_m: f64,
+}
+
+/// How a walker stands in the middle of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stance {
+    /// The middle of the body.
+    pub(crate) place: Vector,
+    /// Which way it faces, of length 1.
+    pub(crate) ahead: Vector,
+    /// How far the left leg is before the body, and the right one behind it.
+    pub(crate) stride_m: f64,
+    /// The farthest that it gets in this step: 0 while standing.
+    pub(crate) reach_m: f64,
+    /// Whether the left leg is in the air; otherwise the right one is, unless the walker stands.
+    pub(crate) left_swings: bool,
 }
 
 impl Walker {
@@ -37,31 +52,32 @@ impl Walker {
 
     /// The two legs, left and right; `None` while the walker is not in the world.
     pub(crate) fn legs(&self, time_s: f64) -> Option<[Circle; 2]> {
-        if time_s < self.journey.start_s() || time_s >= self.journey.end_s() {
-            return None;
-        }
-        let moment = self.journey.at(time_s);
-        let place = Vector::new(moment.pose.x_m, moment.pose.y_m);
-        let ahead = direction(moment.pose.yaw_rad);
+        let Stance { place, ahead, stride_m, .. } = self.stance(time_s)?;
         let left = Vector::new(-ahead.y, ahead.x) * HALF_STANCE_M;
-        let stride = ahead * self.stride_m(&moment);
+        let stride = ahead * stride_m;
         Some([place + left + stride, place - left - stride].map(|centre| Circle { centre, radius_m: LEG_RADIUS_M }))
     }
 
-    /// How far the left leg is before the body.
+    /// How the walker stands; `None` while the walker is not in the world.
     ///
     /// In each step one foot stands on the ground while the other swings past it at twice the body's speed: in the body's
     /// frame both move at the body's speed, one back, one forward. Feet draw together towards every stop.
-    fn stride_m(&self, moment: &Moment) -> f64 {
-        let phase = (moment.covered_m / (2.0 * self.step_m)).fract();
+    pub(crate) fn stance(&self, time_s: f64) -> Option<Stance> {
+        if time_s < self.journey.start_s() || time_s >= self.journey.end_s() {
+            return None;
+        }
+        let Moment { pose, covered_m, to_stand_m, .. } = self.journey.at(time_s);
+        let phase = (covered_m / (2.0 * self.step_m)).fract();
         let swing = 4.0 * (phase - 0.5).abs() - 1.0;
-        swing * (self.step_m / 2.0).min(moment.to_stand_m)
-    }
-}
-
-impl From<&world::Goal> for Waypoint {
-    fn from(goal: &world::Goal) -> Self {
-        Self { place: goal.to_m.vector(), stop_s: goal.stop_s.get() }
+        let reach_m = (self.step_m / 2.0).min(to_stand_m);
+        let left_swings = phase > 0.5;
+        Some(Stance {
+            place: Vector::new(pose.x_m, pose.y_m),
+            ahead: direction(pose.yaw_rad),
+            stride_m: swing * reach_m,
+            reach_m,
+            left_swings,
+        })
     }
 }
 

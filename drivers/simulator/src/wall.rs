@@ -75,6 +75,25 @@ struct Opening {
     leaf: Option<Surface>,
 }
 
+/// A straight piece of a wall's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Piece {
+    pub(crate) segment: Segment,
+    pub(crate) surface: Surface,
+    pub(crate) part: Part,
+}
+
+/// What a piece is of a wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// The wall itself.
+    Wall,
+    /// The side of a doorway.
+    Jamb,
+    /// A closed door.
+    Leaf,
+}
+
 /// A wall that cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 enum WallError {
@@ -137,27 +156,50 @@ fn place_opening(along: &[Segment], at_m: f64, width_m: f64, depth_m: f64, leaf:
 
 impl Wall {
     /// Every straight piece of surface: wall between the doors, jambs, door leaves.
-    pub(crate) fn pieces(&self) -> Vec<(Segment, Surface)> {
+    pub(crate) fn pieces(&self) -> Vec<Piece> {
         let mut pieces = Vec::new();
         for (index, line) in self.along.iter().enumerate() {
             let ahead = (line.to - line.from) / length_m(line);
             let behind = Vector::new(ahead.y, -ahead.x);
             let mut corner = line.from;
             for door in self.doors.iter().filter(|door| door.piece == index) {
-                let near = [line.from + ahead * door.from_m, line.from + ahead * door.to_m];
+                let near = door.ends(line);
                 let far = near.map(|place| place + behind * door.depth_m);
-                pieces.push((Segment { from: corner, to: near[0] }, self.surface));
-                pieces.push((Segment { from: near[0], to: far[0] }, self.surface));
+                pieces.push(self.piece(corner, near[0], Part::Wall));
+                pieces.push(self.piece(near[0], far[0], Part::Jamb));
                 if let Some(surface) = door.leaf {
-                    pieces.push((Segment { from: far[0], to: far[1] }, surface));
+                    pieces.push(Piece { surface, ..self.piece(far[0], far[1], Part::Leaf) });
                 }
-                pieces.push((Segment { from: far[1], to: near[1] }, self.surface));
+                pieces.push(self.piece(far[1], near[1], Part::Jamb));
                 corner = near[1];
             }
-            pieces.push((Segment { from: corner, to: line.to }, self.surface));
+            pieces.push(self.piece(corner, line.to, Part::Wall));
         }
-        pieces.retain(|(piece, _)| length_m(piece) > 1e-9);
+        pieces.retain(|piece| length_m(&piece.segment) > 1e-9);
         pieces
+    }
+
+    /// The lines across its open doors, along the wall.
+    pub(crate) fn passages(&self) -> Vec<Segment> {
+        let open = self.doors.iter().filter(|door| door.leaf.is_none());
+        open.filter_map(|door| Some((door, self.along.get(door.piece)?)))
+            .map(|(door, line)| {
+                let [from, to] = door.ends(line);
+                Segment { from, to }
+            })
+            .collect()
+    }
+
+    fn piece(&self, from: Vector, to: Vector, part: Part) -> Piece {
+        Piece { segment: Segment { from, to }, surface: self.surface, part }
+    }
+}
+
+impl Opening {
+    /// Where it begins and ends in its piece of the wall.
+    fn ends(&self, line: &Segment) -> [Vector; 2] {
+        let ahead = (line.to - line.from) / length_m(line);
+        [line.from + ahead * self.from_m, line.from + ahead * self.to_m]
     }
 }
 
@@ -189,8 +231,10 @@ mod tests {
             ([4.5, 0.0, 6.0, 0.0], Surface::Smooth),
         ];
         assert_eq!(pieces.len(), expected.len());
-        for ((piece, surface), (ends, expected)) in pieces.iter().zip(expected) {
-            assert_eq!(([piece.from.x, piece.from.y, piece.to.x, piece.to.y], *surface), (ends, expected));
+        assert_eq!(pieces.iter().position(|piece| piece.part == Part::Leaf), Some(2));
+        assert_eq!(wall.passages(), [Segment { from: Vector::new(3.5, 0.0), to: Vector::new(4.5, 0.0) }]);
+        for (Piece { segment, surface, .. }, (ends, expected)) in pieces.iter().zip(expected) {
+            assert_eq!(([segment.from.x, segment.from.y, segment.to.x, segment.to.y], *surface), (ends, expected));
         }
     }
 

@@ -7,8 +7,8 @@ use settings::{Fault, SettingsError};
 
 use crate::geometry::Segment;
 use crate::quantity::{
-    BlindRange, BuiltLength, Crosstalk, DriveSpeed, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander, HearingLimit, Mirrored,
-    Missed, Place, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
+    BlindRange, BuiltHeight, BuiltLength, Crosstalk, DriveSpeed, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander, HearingLimit,
+    Mirrored, Missed, Place, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
 };
 use crate::still;
 pub use crate::wall::Wall;
@@ -181,6 +181,9 @@ pub struct Furniture {
     pub centre_m: Place,
     /// Its length along the heading and its width across.
     pub size_m: [BuiltLength; 2],
+    /// Its height.
+    #[serde(default)]
+    pub height_m: BuiltHeight,
     /// Direction of its length.
     #[serde(default)]
     pub heading_deg: Heading,
@@ -197,6 +200,9 @@ pub struct Pillar {
     pub centre_m: Place,
     /// Its radius.
     pub radius_m: BuiltLength,
+    /// Its height; without it, it reaches the ceiling.
+    #[serde(default)]
+    pub height_m: Option<BuiltHeight>,
     /// How it reflects.
     #[serde(default)]
     pub surface: Surface,

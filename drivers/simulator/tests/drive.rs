@@ -4,8 +4,8 @@
 use messages::{EchoLabel, Payload, TruthScan};
 use proptest::prelude::*;
 use psos::Model;
-use stillmap_simulator::blobs::{Blobs, Failings, Optics};
-use stillmap_simulator::{Body, PACKET_INTERVAL_NS, Packet, Simulation, World};
+use stillmap_simulator::blobs::{Blobs, Failings};
+use stillmap_simulator::{Body, Optics, PACKET_INTERVAL_NS, Packet, Simulation, World};
 
 const QUIET: &str = "sonar = { noise_m = 0, noise_share = 0, crosstalk = 0, missed = 0 }\n";
 

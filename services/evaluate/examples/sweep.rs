@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use simulator::Body;
-use simulator::blobs::{Failings, Optics};
+use simulator::blobs::Failings;
+use simulator::{Body, Optics};
 use stillmap_evaluate::{
     Detection, Drive, Eyes, Filter, Labels, Tally, Variation, filter, judge, oracle, read_world, track_errors_m, unfiltered,
 };

@@ -1,8 +1,8 @@
 //! A drive through a simulated world, recorded: what every sense said, and the truth behind it.
 
 use messages::{CameraMotion, SonarReading, SonarScan, TruthScan};
-use simulator::blobs::{Blobs, Failings, Optics};
-use simulator::{Body, Simulation, World};
+use simulator::blobs::{Blobs, Failings};
+use simulator::{Body, Optics, Simulation, World};
 
 use crate::truth::Truth;
 
