@@ -18,8 +18,10 @@ const SLOW_M_S: f64 = 0.35;
 const HELD_NS: u64 = 1_500_000_000;
 /// Or when this many readings
 const PASSES: u32 = 2;
-/// A track out of view coasts for this time, ns.
-const COAST_NS: u64 = 2_500_000_000;
+/// A walker out of view is followed for this time, ns. Echoes do not prolong it: there are always some, of walls.
+const COAST_NS: u64 = 3_000_000_000;
+/// Who came to rest was seen to: his blob fades a moment later, ns.
+const SEEN_NS: u64 = 1_000_000_000;
 /// Two who stand closer than this are one, m.
 const SAME_M: f64 = 0.4;
 
@@ -89,6 +91,7 @@ impl Tracks {
                     && track.confirmed()
                     && track.walked
                     && track.heard_ns == stamp_ns
+                    && stamp_ns.saturating_sub(track.seen_ns) <= SEEN_NS
                     && track.rests();
                 let known = |other: &Track| {
                     other.held && other.ended_ns.is_none() && (other.motion.place_m() - track.motion.place_m()).norm() < SAME_M
@@ -122,13 +125,12 @@ impl Tracks {
 
     fn end_silent(&mut self, stamp_ns: u64) {
         for track in self.alive() {
-            let silent_ns = stamp_ns.saturating_sub(track.supported_ns());
             let over = if track.held {
                 track.passed >= PASSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
             } else if track.origin == Origin::Sonar {
-                silent_ns > UNSEEN_NS
+                stamp_ns.saturating_sub(track.supported_ns()) > UNSEEN_NS
             } else {
-                silent_ns > COAST_NS
+                stamp_ns.saturating_sub(track.seen_ns) > COAST_NS
             };
             if over {
                 track.ended_ns = Some(track.supported_ns());

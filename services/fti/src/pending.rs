@@ -1,4 +1,4 @@
-//! Scans whose readings wait for their verdict.
+//! Scans whose readings wait for their verdict, or got it lately.
 
 use beam::Beam;
 use grid::Cell;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::region::Region;
 
-/// One reading within the horizon.
+/// One reading.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PendingReading {
     pub(crate) beam: Beam,
@@ -17,9 +17,11 @@ pub(crate) struct PendingReading {
     pub(crate) past: f64,
     /// Whether the camera looked at where it came from.
     pub(crate) watched: bool,
+    /// How far its echo counts as a hit of something that stands, by what was known at its verdict.
+    pub(crate) weight: f64,
 }
 
-/// One scan within the horizon.
+/// One scan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PendingScan {
     pub(crate) seq: u64,

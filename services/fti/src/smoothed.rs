@@ -9,7 +9,7 @@ const FRESH_S: f64 = 0.3;
 /// Time in which it fades by a factor e, s.
 const FADE_S: f64 = 1.5;
 /// Who stands on without being seen.
-const HELD: f64 = 0.8;
+const HELD: f64 = 0.5;
 /// Before the first sight.
 const BACK_DATED: f64 = 0.6;
 /// First speed under which a walker is taken to have stood before, m/s.
@@ -72,7 +72,8 @@ impl Smoothed {
                 let covariance = motion.covariance * (1.0 - share) + later.covariance * share;
                 let bridge = Motion { mean, covariance };
                 let gap_s = since_s.min(until_s);
-                Some(Presence { motion: widened(&bridge, gap_s, *acceleration), trust: self.trust * faded(gap_s) })
+                let trust = if self.held { 1.0 } else { faded(gap_s) };
+                Some(Presence { motion: widened(&bridge, gap_s, *acceleration), trust: self.trust * trust })
             }
             None => {
                 if self.ended_ns.is_some_and(|ended_ns| stamp_ns > ended_ns) {

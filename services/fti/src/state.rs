@@ -13,7 +13,7 @@ use crate::tracks::Tracks;
 use crate::{Fti, Parameters, ParametersError};
 
 /// Changes whenever the bytes mean something else.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -48,6 +48,7 @@ struct State {
     /// Row, column and cells of each tile.
     still: Vec<(i32, i32, Vec<Packed>)>,
     pending: VecDeque<PendingScan>,
+    recent: VecDeque<PendingScan>,
     /// Time, x, y and yaw.
     last: Option<(u64, f64, f64, f64)>,
 }
@@ -62,6 +63,7 @@ impl Fti {
             tracks: self.tracks.clone(),
             still: self.still.cells().tiles().map(|(key, cells)| (key.row, key.column, cells.iter().map(pack).collect())).collect(),
             pending: self.pending.clone(),
+            recent: self.recent.clone(),
             last: self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad)),
         };
         // Writing numbers and lists into memory has no way to fail.
@@ -90,6 +92,7 @@ impl Fti {
         fti.tracks = state.tracks;
         fti.still = Still::new(cells);
         fti.pending = state.pending;
+        fti.recent = state.recent;
         fti.last = state.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
         Ok(fti)
     }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use beam::Beam;
-use grid::{CellSize, Lattice};
+use grid::{Cell, CellSize, Lattice};
 use messages::{
     FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, OutlookScan, Payload, Pose, SonarScan, TrackedWalker, VerdictOutlook,
     Walkers,
@@ -11,6 +11,7 @@ use messages::{
 use nalgebra::{Matrix2, Vector2};
 use tracking::Motion;
 
+use crate::arc::Arc;
 use crate::hearing::Heard;
 use crate::pending::{PendingReading, PendingScan};
 use crate::region::update_regions;
@@ -20,13 +21,17 @@ use crate::still::Still;
 use crate::streams::{Frame, Input, Streams, Waiting};
 use crate::tables::{Integration, Ranges, Seen};
 use crate::tracks::{Tracks, in_view};
-use crate::verdict::{presences, still, walker, weight};
+use crate::verdict::{presences, walker, weight};
 use crate::{Action, Camera, Parameters, ParametersError, Rule};
 
 /// Radius of the floor that the robot itself takes, m.
 const ROBOT_RADIUS_M: f64 = 0.2;
 /// Half the depth of an arc, cells.
 const ARC_CELLS: f64 = 1.0;
+/// A scan with its verdict is known reading by reading for this time, ns: as long as the robot takes to pass a place.
+const RECENT_NS: u64 = 6_000_000_000;
+/// Known to be free is all that matters, not for how long.
+const LEAST_PAST: f64 = -3.0;
 /// Blobs this far from a scan are of its time, ns.
 const PAIRING_NS: u64 = 150_000_000;
 /// `C_Size` and `O_Size` run up to this many cells.
@@ -76,6 +81,8 @@ pub struct Fti {
     pub(crate) tracks: Tracks,
     pub(crate) still: Still,
     pub(crate) pending: VecDeque<PendingScan>,
+    /// Those decided lately, the oldest first: what they say is still known reading by reading.
+    pub(crate) recent: VecDeque<PendingScan>,
     /// Time and place of the robot at the last scan.
     pub(crate) last: Option<(u64, Pose)>,
 }
@@ -97,6 +104,7 @@ impl Fti {
             tracks: Tracks::default(),
             still: Still::new(Lattice::new(cell)),
             pending: VecDeque::new(),
+            recent: VecDeque::new(),
             last: None,
             parameters,
         })
@@ -222,9 +230,19 @@ impl Fti {
         let readings = scan.readings().iter().map(|reading| {
             let beam = Beam::new(&scan.pose, reading, self.parameters.half_beam_rad);
             let arc = beam.arc(self.cell, ARC_CELLS * self.cell.metres());
-            PendingReading { past: self.still.past(&arc).max(-3.0), watched: self.watched(scan, &beam, stamp_ns), beam, arc }
+            let watched = self.watched(scan, &beam, stamp_ns);
+            PendingReading { past: self.past(&beam, &arc), watched, weight: 0.0, beam, arc }
         });
         readings.collect()
+    }
+
+    /// S from the past alone.
+    fn past(&self, beam: &Beam, cells: &[Cell]) -> f64 {
+        let mut arc = Arc::new(&self.still, beam, cells);
+        for scan in &self.recent {
+            scan.readings.iter().for_each(|reading| arc.hear(scan.stamp_ns, &reading.beam, reading.weight));
+        }
+        arc.balance().max(LEAST_PAST)
     }
 
     /// Whether the camera, if it is at work, looks at where an echo came from.
@@ -266,9 +284,12 @@ impl Fti {
         }
         while self.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
             let grounds = self.grounds(&self.weigh(), 0);
-            let Some(scan) = self.pending.pop_front() else { return };
-            self.learn(&scan, &grounds);
+            let Some(mut scan) = self.pending.pop_front() else { return };
+            for (reading, grounds) in scan.readings.iter_mut().zip(&grounds) {
+                reading.weight = weight(grounds.walker, reading.past);
+            }
             verdicts.push(self.answer(&scan, grounds));
+            self.learn(scan);
         }
     }
 
@@ -291,22 +312,38 @@ impl Fti {
     fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
         let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
         let readings = scan.readings.iter().zip(odds).enumerate();
-        readings
-            .map(|(index, (reading, walker))| Grounds {
-                walker: *walker,
-                still: still(&self.still, &self.pending, &weighed.weights, (at, index), &reading.arc),
-            })
-            .collect()
+        readings.map(|(index, (_, walker))| Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index) }).collect()
     }
 
-    /// A scan leaves the horizon: what it says becomes the past. Hits that a walker explains do not count; whether they were
-    /// withheld plays no part: that would lock walls out for good.
-    fn learn(&mut self, scan: &PendingScan, grounds: &[Grounds]) {
-        for (reading, grounds) in scan.readings.iter().zip(grounds) {
-            if grounds.walker < 0.0 {
-                self.still.hit(&reading.arc, scan.stamp_ns);
+    /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after.
+    fn stands(&self, weights: &[Vec<f64>], at: usize, index: usize) -> f64 {
+        let Some(asked) = self.pending.get(at).and_then(|scan| scan.readings.get(index)) else { return 0.0 };
+        let mut arc = Arc::new(&self.still, &asked.beam, &asked.arc);
+        for scan in &self.recent {
+            scan.readings.iter().for_each(|reading| arc.hear(scan.stamp_ns, &reading.beam, reading.weight));
+        }
+        for (scan_at, (scan, weights)) in self.pending.iter().zip(weights).enumerate() {
+            let readings = scan.readings.iter().zip(weights).enumerate();
+            for (_, (reading, weight)) in readings.filter(|(other, _)| (scan_at, *other) != (at, index)) {
+                arc.hear(scan.stamp_ns, &reading.beam, *weight);
             }
-            self.still.free(&reading.beam, scan.stamp_ns);
+        }
+        arc.balance()
+    }
+
+    /// A scan has got its verdict; what those say that got theirs long ago becomes the past. Hits that a walker explains do not
+    /// count; whether they were withheld plays no part: that would lock walls out for good.
+    fn learn(&mut self, scan: PendingScan) {
+        let oldest_ns = scan.stamp_ns.saturating_sub(RECENT_NS);
+        self.recent.push_back(scan);
+        while self.recent.front().is_some_and(|scan| scan.stamp_ns < oldest_ns) {
+            let Some(scan) = self.recent.pop_front() else { return };
+            for reading in &scan.readings {
+                if reading.weight > 0.5 {
+                    self.still.hit(&reading.arc, scan.stamp_ns);
+                }
+                self.still.free(&reading.beam, scan.stamp_ns);
+            }
         }
     }
 

@@ -6,15 +6,17 @@ use grid::{Cell, CellSize, Lattice};
 /// Readings of one slot count once: a firing cycle and a half, ns.
 pub(crate) const SLOT_NS: u64 = 400_000_000;
 /// More hits say no more.
-pub(crate) const MOST_HITS: f64 = 3.0;
+const MOST_HITS: f64 = 4.5;
 /// More sights of emptiness say no more.
-pub(crate) const MOST_FREE: f64 = 6.0;
-/// A beam's silence counts this close to its axis only, rad.
-pub(crate) const FREE_HALF_RAD: f64 = 0.105;
+const MOST_FREE: f64 = 6.0;
+/// Most slots of each kind that the past keeps.
+const KEPT: [u8; 2] = [3, 6];
+/// A beam shows cells free this close to its axis only, rad: later nobody knows from where it looked.
+const FREE_HALF_RAD: f64 = 0.105;
 /// What lies this close before an echo may belong to it, m.
-const BEFORE_ECHO_M: f64 = 0.15;
+const BEFORE_ECHO_M: f64 = 0.12;
 /// Farther away a beam is too wide for its silence to tell of a cell, m.
-const REACH_M: f64 = 2.2;
+pub(crate) const REACH_M: f64 = 2.2;
 /// The robot stands where nothing else does: as good as this many sights.
 const STOOD_ON: u8 = 2;
 
@@ -30,9 +32,9 @@ pub(crate) struct Evidence {
     pub(crate) free_slot: u16,
 }
 
-/// The balance of a cell: positive where something stands.
+/// The balance of a cell by the slots in which it was hit and seen free: positive where something stands.
 pub(crate) fn balance(hits: f64, free: f64) -> f64 {
-    0.7 * hits.min(MOST_HITS) - 0.5 * free.min(MOST_FREE)
+    hits.min(MOST_HITS) - free.min(MOST_FREE)
 }
 
 /// The past of every cell. Grows with the area explored.
@@ -58,22 +60,13 @@ impl Still {
         self.cells.get(cell)
     }
 
-    /// S from the past alone: the greatest balance of these cells.
-    pub(crate) fn past(&self, cells: &[Cell]) -> f64 {
-        let balances = cells.iter().map(|cell| {
-            let evidence = self.cells.get(*cell);
-            balance(f64::from(evidence.hits), f64::from(evidence.free))
-        });
-        balances.fold(f64::NEG_INFINITY, f64::max)
-    }
-
     /// An echo came from these cells.
     pub(crate) fn hit(&mut self, cells: &[Cell], stamp_ns: u64) {
         let slot = slot_mark(stamp_ns);
         for cell in cells {
             let mut evidence = self.cells.get(*cell);
             if evidence.hit_slot != slot {
-                evidence.hits = (evidence.hits + 1).min(MOST_HITS as u8);
+                evidence.hits = (evidence.hits + 1).min(KEPT[0]);
                 evidence.hit_slot = slot;
                 self.cells.set(*cell, evidence);
             }
@@ -110,7 +103,7 @@ pub(crate) fn free_reach_m(beam: &Beam) -> Option<f64> {
 fn add_free(cells: &mut Lattice<Evidence>, cell: Cell, slot: u16, sights: u8) {
     let mut evidence = cells.get(cell);
     if evidence.free_slot != slot {
-        evidence.free = (evidence.free + sights).min(MOST_FREE as u8);
+        evidence.free = (evidence.free + sights).min(KEPT[1]);
         evidence.free_slot = slot;
         cells.set(cell, evidence);
     }
@@ -130,6 +123,12 @@ mod tests {
         Still::new(Lattice::new(CellSize::new(0.05).unwrap()))
     }
 
+    /// The greatest balance of these cells.
+    fn past(still: &Still, cells: &[Cell]) -> f64 {
+        let balances = cells.iter().map(|cell| still.get(*cell)).map(|e| balance(f64::from(e.hits), f64::from(e.free)));
+        balances.fold(f64::NEG_INFINITY, f64::max)
+    }
+
     fn beam(range_m: f64, echo: u32) -> Beam {
         Beam::new(&Pose::default(), &SonarReading { range_m, echo, ..SonarReading::default() }, 0.218)
     }
@@ -141,27 +140,27 @@ mod tests {
         for stamp_ns in [0, SLOT_NS / 2, SLOT_NS, 2 * SLOT_NS, 3 * SLOT_NS] {
             still.hit(&arc, stamp_ns);
             if stamp_ns < SLOT_NS {
-                assert!((still.past(&arc) - 0.7).abs() < 1e-12);
+                assert_eq!(past(&still, &arc), 1.0);
             }
         }
-        assert!((still.past(&arc) - 2.1).abs() < 1e-12);
+        assert_eq!(past(&still, &arc), 3.0);
     }
 
     #[test]
     fn what_lies_before_an_echo_loses() {
         let mut still = still();
         still.free(&beam(2.0, 1), 0);
-        assert_eq!(still.past(&[Cell { row: 0, column: 20 }]), -0.5);
-        assert_eq!(still.past(&[Cell { row: 0, column: 38 }]), 0.0);
+        assert_eq!(past(&still, &[Cell { row: 0, column: 20 }]), -1.0);
+        assert_eq!(past(&still, &[Cell { row: 0, column: 38 }]), 0.0);
         still.free(&beam(3.0, 0), SLOT_NS);
-        assert_eq!(still.past(&[Cell { row: 0, column: 20 }]), -0.5);
+        assert_eq!(past(&still, &[Cell { row: 0, column: 20 }]), -1.0);
     }
 
     #[test]
     fn nothing_stands_where_the_robot_stood() {
         let mut still = still();
         still.stand(0.0, 0.0, 0.2, 0);
-        assert_eq!(still.past(&[Cell { row: 0, column: 3 }]), -1.0);
-        assert_eq!(still.past(&[Cell { row: 3, column: 3 }]), 0.0);
+        assert_eq!(past(&still, &[Cell { row: 0, column: 3 }]), -2.0);
+        assert_eq!(past(&still, &[Cell { row: 3, column: 3 }]), 0.0);
     }
 }

@@ -10,8 +10,10 @@ use crate::sight::Estimate;
 
 /// White acceleration of a walker, m²/s³.
 pub(crate) const ACCELERATION: f64 = 1.2;
-/// Of one who stands: he shifts his weight.
+/// Of one who stands: he shifts his weight, m²/s³.
 const STANDING: f64 = 0.02;
+/// By how much the place of one who stands grows uncertain, m²/s.
+const SWAY_M2_S: f64 = 0.008;
 /// Nobody walks faster indoors, m/s.
 const MOST_SPEED_M_S: f64 = 1.7;
 /// Hits that make a track certain.
@@ -118,7 +120,14 @@ impl Track {
     /// Goes on to a later time.
     pub(crate) fn predict(&mut self, stamp_ns: u64) {
         let dt_s = stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9;
-        self.motion = self.motion.predict(dt_s, self.acceleration());
+        if self.held {
+            // He does not walk; where he was is known less and less.
+            for axis in 0..2 {
+                self.motion.covariance[(axis, axis)] += SWAY_M2_S * dt_s;
+            }
+        } else {
+            self.motion = self.motion.predict(dt_s, ACCELERATION);
+        }
         self.stamp_ns = self.stamp_ns.max(stamp_ns);
     }
 

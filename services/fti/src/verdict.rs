@@ -1,13 +1,10 @@
 //! The verdict on a reading: one likelihood ratio.
 
-use std::collections::VecDeque;
-
 use nalgebra::Vector2;
 
 use crate::observe::{ECHO_TO_MIDDLE_M, outside_m};
-use crate::pending::{PendingReading, PendingScan};
+use crate::pending::PendingReading;
 use crate::smoothed::{Presence, Smoothed};
-use crate::still::{FREE_HALF_RAD, SLOT_NS, Still, balance, free_reach_m};
 
 /// Somebody whom nobody saw, where the camera looks.
 const UNSEEN_WATCHED: f64 = 0.05;
@@ -52,43 +49,4 @@ pub(crate) fn presences(walkers: &[Smoothed], stamp_ns: u64) -> Vec<Presence> {
 /// Weight of a pending reading as a hit of something that stands.
 pub(crate) fn weight(t: f64, past: f64) -> f64 {
     1.0 / (1.0 + ((t - 0.5 * past.clamp(0.0, 3.0)) / WEIGHT_SLOPE).exp())
-}
-
-/// Something stands there (S): the greatest balance of the arc's cells, by the past and by all other pending readings.
-/// `weights` holds the weight of each pending reading, scan by scan; the reading itself is `skip`, (scan, reading).
-pub(crate) fn still(still: &Still, pending: &VecDeque<PendingScan>, weights: &[Vec<f64>], skip: (usize, usize), arc: &[grid::Cell]) -> f64 {
-    let size = still.size();
-    let mut best = f64::NEG_INFINITY;
-    for cell in arc {
-        let (x, y) = (size.centre_of(cell.column), size.centre_of(cell.row));
-        let evidence = still.get(*cell);
-        let (mut hits, mut free) = (f64::from(evidence.hits), f64::from(evidence.free));
-        let (mut slot, mut slot_hit, mut slot_free) = (u64::MAX, 0.0_f64, 0.0_f64);
-        for (index, (scan, weights)) in pending.iter().zip(weights).enumerate() {
-            if scan.stamp_ns / SLOT_NS != slot {
-                (hits, free) = (hits + slot_hit, free + slot_free);
-                (slot, slot_hit, slot_free) = (scan.stamp_ns / SLOT_NS, 0.0, 0.0);
-            }
-            for (other, (reading, weight)) in scan.readings.iter().zip(weights).enumerate() {
-                if (index, other) == skip {
-                    continue;
-                }
-                let place = reading.beam.see(x, y);
-                if !reading.beam.covers(place) {
-                    continue;
-                }
-                let z_m = place.z_m();
-                if reading.beam.echo() && (z_m - reading.beam.range_m()).abs() <= size.metres() {
-                    slot_hit = slot_hit.max(*weight);
-                }
-                if free_reach_m(&reading.beam).is_some_and(|reach_m| z_m < reach_m)
-                    && place.across_m.abs() <= FREE_HALF_RAD.tan() * place.along_m
-                {
-                    slot_free = 1.0;
-                }
-            }
-        }
-        best = best.max(balance(hits + slot_hit, free + slot_free));
-    }
-    best
 }
