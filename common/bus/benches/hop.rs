@@ -1,6 +1,7 @@
-//! One message to another process and one back, by events: this crate beside bare iceoryx2 with a WaitSet, in one run.
+//! One message or picture to another process and one message back, by events: this crate beside bare iceoryx2 with a WaitSet,
+//! in one run. A picture is copied into shared memory there, and only here it has a checksum.
 //!
-//! `cargo bench -p stillmap-bus --bench hop`; a hop is half of what is shown.
+//! `cargo bench -p stillmap-bus --bench hop`; a hop of a message is half of what is shown.
 #![expect(clippy::unwrap_used, reason = "a benchmark fails by panicking")]
 
 use std::process::{Child, Command, Stdio};
@@ -8,8 +9,8 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group};
 use iceoryx2::prelude::*;
-use messages::{FilterVerdict, SonarScan};
-use stillmap_bus::{Domain, Membership, Reader, Received, Shell, Writer};
+use messages::{CameraFrame, FilterVerdict, FrameLayout, PixelFormat, SonarScan};
+use stillmap_bus::{Domain, FrameReader, FrameWriter, Membership, Reader, Received, Shell, Writer};
 
 const CHILD: &str = "STILLMAP_BENCH_CHILD";
 /// As large as a scan.
@@ -18,6 +19,7 @@ type Bare = [u64; size_of::<SonarScan>() / 8];
 fn main() {
     match std::env::var(CHILD).as_deref() {
         Ok("bus") => echo_bus(),
+        Ok(prefix) if prefix.starts_with("pictures") => echo_bare_pictures(prefix),
         Ok(prefix) => echo_bare(prefix),
         Err(_) => {
             hops();
@@ -26,7 +28,13 @@ fn main() {
     }
 }
 
-criterion_group! { name = hops; config = Criterion::default().measurement_time(Duration::from_secs(5)); targets = bus_hop, bare_hop }
+criterion_group! { name = hops; config = Criterion::default().measurement_time(Duration::from_secs(5)); targets = bus_hop, bare_hop, bus_pictures, bare_pictures }
+
+/// Sizes of grey pictures at 160 × 120, and of RGB pictures at 640 × 480.
+const PICTURES: [FrameLayout; 2] = [
+    FrameLayout { width: 160, height: 120, stride: 160, format: PixelFormat::Grey as u32 },
+    FrameLayout { width: 640, height: 480, stride: 1920, format: PixelFormat::Rgb as u32 },
+];
 
 /// The other process; it ends when its standard input does.
 fn child(role: &str, environment: &[(&'static str, std::ffi::OsString)]) -> Child {
@@ -72,14 +80,48 @@ fn bus_hop(criterion: &mut Criterion) {
     domain.close().unwrap();
 }
 
+fn bus_pictures(criterion: &mut Criterion) {
+    let domain = Domain::open(&format!("bench-pictures-{}", std::process::id()), 1.0).unwrap();
+    let mut other = child("bus", &domain.membership_for("echo", 0, "none".as_ref()).environment());
+    let mut shell = Shell::join(domain.membership_for("ping", 0, "none".as_ref())).unwrap();
+    let mut frames: FrameWriter<CameraFrame> = shell.frame_writer().unwrap();
+    let mut verdicts: Reader<FilterVerdict> = shell.reader().unwrap();
+    let mut seq = 0;
+    for layout in PICTURES {
+        let picture = vec![7; layout.bytes()];
+        let mut there_and_back = || {
+            seq += 1;
+            frames.send(seq, seq, layout, &picture).unwrap();
+            loop {
+                match verdicts.take().unwrap() {
+                    Some(Received::Message(answer)) if answer.seq() == seq => return,
+                    Some(_) => (),
+                    None => shell.wait_for_inputs(Duration::from_secs(1)).unwrap(),
+                }
+            }
+        };
+        there_and_back();
+        let name = format!("picture of {} bytes there, message back: stillmap-bus", layout.bytes());
+        criterion.bench_function(&name, |bencher| bencher.iter(&mut there_and_back));
+    }
+    drop(other.stdin.take());
+    other.wait().unwrap();
+    drop((shell, frames, verdicts));
+    domain.close().unwrap();
+}
+
 fn echo_bus() {
     exit_with_parent();
     let mut shell = Shell::join(Membership::from_env().unwrap()).unwrap();
     let mut scans: Reader<SonarScan> = shell.reader().unwrap();
+    let mut frames: FrameReader<CameraFrame> = shell.frame_reader().unwrap();
     let mut verdicts: Writer<FilterVerdict> = shell.writer().unwrap();
     loop {
         while let Some(Received::Message(scan)) = scans.take().unwrap() {
             verdicts.send(scan.seq(), scan.stamp_ns(), &FilterVerdict::default()).unwrap();
+        }
+        while let Some(Received::Message(frame)) = frames.take().unwrap() {
+            verdicts.send(frame.seq(), frame.stamp_ns(), &FilterVerdict::default()).unwrap();
         }
         shell.wait_for_inputs(Duration::from_secs(1)).unwrap();
     }
@@ -163,4 +205,79 @@ fn echo_bare(prefix: &str) {
         ports.send();
         CallbackProgression::Continue
     });
+}
+
+/// Pictures one way, messages the other.
+type Pictures = iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, [u8], ()>;
+type Answers = iceoryx2::service::port_factory::publish_subscribe::PortFactory<ipc::Service, Bare, ()>;
+type Event = iceoryx2::service::port_factory::event::PortFactory<ipc::Service>;
+
+fn bare_services(prefix: &str) -> (Pictures, Event, Answers, Event, Node<ipc::Service>) {
+    let node = NodeBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<ipc::Service>().unwrap();
+    let name = |end: &str| format!("{prefix}/{end}").as_str().try_into().unwrap();
+    let event = |end: &str| node.service_builder(&name(end)).event().open_or_create().unwrap();
+    (
+        node.service_builder(&name("there")).publish_subscribe::<[u8]>().open_or_create().unwrap(),
+        event("there"),
+        node.service_builder(&name("back")).publish_subscribe::<Bare>().open_or_create().unwrap(),
+        event("back"),
+        node,
+    )
+}
+
+fn bare_pictures(criterion: &mut Criterion) {
+    let prefix = format!("pictures-{}", std::process::id());
+    let (pictures, there, answers, back, _node) = bare_services(&prefix);
+    let most = PICTURES.iter().map(FrameLayout::bytes).max().unwrap();
+    let publisher = pictures.publisher_builder().initial_max_slice_len(most).create().unwrap();
+    let notifier = there.notifier_builder().create().unwrap();
+    let subscriber = answers.subscriber_builder().create().unwrap();
+    let listener = back.listener_builder().create().unwrap();
+    let mut other = child(&prefix, &[]);
+    let waitset = WaitSetBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<ipc::Service>().unwrap();
+    let _guard = waitset.attach_notification(&listener).unwrap();
+    let wait_for_answer = || {
+        let arrived = |_| {
+            listener.try_wait(|_| ()).unwrap();
+            if subscriber.receive().unwrap().is_some() { CallbackProgression::Stop } else { CallbackProgression::Continue }
+        };
+        waitset.wait_and_process(arrived).unwrap();
+    };
+    wait_for_answer();
+    for layout in PICTURES {
+        let picture = vec![7; layout.bytes()];
+        criterion.bench_function(&format!("picture of {} bytes there, message back: bare iceoryx2, WaitSet", layout.bytes()), |bencher| {
+            bencher.iter(|| {
+                publisher.loan_slice_uninit(picture.len()).unwrap().write_from_slice(&picture).send().unwrap();
+                notifier.notify().unwrap();
+                wait_for_answer();
+            });
+        });
+    }
+    drop(other.stdin.take());
+    other.wait().unwrap();
+}
+
+fn echo_bare_pictures(prefix: &str) {
+    exit_with_parent();
+    let (pictures, there, answers, back, _node) = bare_services(prefix);
+    let subscriber = pictures.subscriber_builder().create().unwrap();
+    let listener = there.listener_builder().create().unwrap();
+    let publisher = answers.publisher_builder().create().unwrap();
+    let notifier = back.notifier_builder().create().unwrap();
+    let send = || {
+        publisher.loan_uninit().unwrap().write_payload([0; size_of::<SonarScan>() / 8]).send().unwrap();
+        notifier.notify().unwrap();
+    };
+    send();
+    let waitset = WaitSetBuilder::new().signal_handling_mode(SignalHandlingMode::Disabled).create::<ipc::Service>().unwrap();
+    let _guard = waitset.attach_notification(&listener).unwrap();
+    let arrived = |_| {
+        listener.try_wait(|_| ()).unwrap();
+        while subscriber.receive().unwrap().is_some() {
+            send();
+        }
+        CallbackProgression::Continue
+    };
+    waitset.wait_and_process(arrived).unwrap();
 }

@@ -104,8 +104,15 @@ struct Report {
     rounds: u64,
     note: Text<128>,
     counters: Vec<Counter>,
-    answered: Option<(&'static str, u64)>,
-    answer_is_news: bool,
+    answers: Vec<Answer>,
+}
+
+/// How far a source stream has been answered.
+#[derive(Debug)]
+struct Answer {
+    service: &'static str,
+    seq: u64,
+    is_news: bool,
 }
 
 impl Shell {
@@ -194,12 +201,13 @@ impl Shell {
         Checkpoint::new(self.membership.directory(), self.membership.process(), self.membership.run)
     }
 
-    /// Waits until a message comes on an input, or for `patience`; for programs that keep their own loop. [`Shell::run`] also
-    /// sends the heartbeat that a supervisor expects.
+    /// Lets readers that have joined have what was sent, and waits until a message comes on an input, or for `patience`; for
+    /// programs that keep their own loop. [`Shell::run`] also sends the heartbeat that a supervisor expects.
     ///
     /// # Errors
     /// When the system refuses to wait.
     pub fn wait_for_inputs(&self, patience: Duration) -> Result<(), RunError> {
+        self.writers.iter().for_each(|writer| writer.refresh());
         self.wait(&[], patience)
     }
 
@@ -260,13 +268,14 @@ impl Shell {
     }
 
     fn tell_progress(&mut self) -> Result<(), BusError> {
-        if !std::mem::take(&mut self.report.answer_is_news) {
-            return Ok(());
+        for answer in self.report.answers.iter_mut().filter(|answer| answer.is_news) {
+            answer.is_news = false;
+            let process = Text::new(self.membership.process());
+            let stamp_ns = self.membership.clock().now_ns();
+            let progress = Progress { process, service: Text::new(answer.service), answered: answer.seq };
+            self.progress.send(answer.seq, stamp_ns, &progress)?;
         }
-        let Some((service, answered)) = self.report.answered else { return Ok(()) };
-        let process = Text::new(self.membership.process());
-        let stamp_ns = self.membership.clock().now_ns();
-        self.progress.send(answered, stamp_ns, &Progress { process, service: Text::new(service), answered })
+        Ok(())
     }
 
     fn beat(&mut self, phase: Phase) -> Result<(), BusError> {
@@ -332,8 +341,11 @@ impl Context<'_> {
     }
 
     fn answered_on(&mut self, service: &Service, seq: u64) {
-        self.report.answered = Some((service.name, seq));
-        self.report.answer_is_news = true;
+        let answers = &mut self.report.answers;
+        match answers.iter_mut().find(|answer| answer.service == service.name) {
+            Some(answer) => *answer = Answer { seq, is_news: true, ..*answer },
+            None => answers.push(Answer { service: service.name, seq, is_news: true }),
+        }
     }
 }
 

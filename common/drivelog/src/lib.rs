@@ -6,6 +6,7 @@ mod damage;
 mod damage_tests;
 mod deframer;
 mod fields;
+mod image;
 mod info;
 mod line;
 mod log;
@@ -24,6 +25,7 @@ mod views;
 mod writer;
 
 pub use damage::{Damage, Fault, LogError, WriteError};
+pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
 pub use log::{Entry, Log, Outcome, Part};
 pub use logged::{DecodeError, Format, Logged};

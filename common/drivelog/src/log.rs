@@ -9,6 +9,7 @@ use messages::{
 };
 
 use crate::damage::{Fault, LogError};
+use crate::image::{self, Image};
 use crate::logged::{DecodeError, Logged};
 use crate::part::{Ending, PartReader, RawMessage};
 use crate::parts::following_parts;
@@ -117,14 +118,26 @@ impl Log {
     /// # Errors
     /// When something cannot be read; the next call goes on behind it.
     pub fn next_of<T: Logged>(&mut self) -> Result<Option<Entry<T>>, LogError> {
+        self.next_on(T::SERVICE.name, decode::<T>)
+    }
+
+    /// The next picture or the end of the stream of `P`, as [`next_of`](Self::next_of).
+    ///
+    /// # Errors
+    /// When something cannot be read; the next call goes on behind it.
+    pub fn next_picture<P: Pictures>(&mut self) -> Result<Option<Entry<Image>>, LogError> {
+        self.next_on(P::SERVICE.name, image::decode)
+    }
+
+    fn next_on<T>(&mut self, service: &str, decode: impl Fn(&[u8]) -> Result<(u64, T), DecodeError>) -> Result<Option<Entry<T>>, LogError> {
         while self.advance()? {
             let Some(message) = self.message() else { continue };
             let (topic, stamp_ns) = (message.channel.topic.as_str(), message.stamp_ns);
-            let entry = if topic == T::SERVICE.name {
-                decode::<T>(message.data).map(|(seq, payload)| Entry::Message { seq, stamp_ns, payload })
+            let entry = if topic == service {
+                decode(message.data).map(|(seq, payload)| Entry::Message { seq, stamp_ns, payload })
             } else if topic == END_TOPIC {
                 match serde_json::from_slice::<End>(message.data) {
-                    Ok(end) if end.service == T::SERVICE.name => Ok(Entry::End { seq: end.seq, stamp_ns }),
+                    Ok(end) if end.service == service => Ok(Entry::End { seq: end.seq, stamp_ns }),
                     Ok(_) => continue,
                     Err(error) => Err(error.into()),
                 }

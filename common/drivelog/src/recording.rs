@@ -3,9 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use foxglove::Encode;
-use messages::{MapTile, Payload, SonarScan};
+use foxglove::messages::RawImage;
+use messages::{FrameLayout, MapTile, Payload, Pictures, SonarScan};
 
 use crate::damage::WriteError;
+use crate::image;
 use crate::logged::{Logged, protobuf_format};
 use crate::preamble::Preamble;
 use crate::views::{POSE_TOPIC, Picture, pose_of};
@@ -100,7 +102,25 @@ impl Recording {
     /// # Errors
     /// As [`message`](Self::message).
     pub fn end<T: Payload>(&mut self, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
-        self.log.end::<T>(seq, stamp_ns)
+        self.log.end(&T::SERVICE, seq, stamp_ns)
+    }
+
+    /// Adds a picture.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn picture<P: Pictures>(&mut self, seq: u64, stamp_ns: u64, layout: &FrameLayout, bytes: &[u8]) -> Result<(), WriteError> {
+        let data = image::encode(layout, bytes, seq, stamp_ns);
+        self.log.raw(P::SERVICE.name, protobuf_format::<RawImage>, Times::of(stamp_ns), seq as u32, &data)?;
+        self.come_to(stamp_ns)
+    }
+
+    /// Adds that the stream of pictures of a service ends after picture `seq`.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn end_of_pictures<P: Pictures>(&mut self, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
+        self.log.end(&P::SERVICE, seq, stamp_ns)
     }
 
     /// Makes all messages so far ready to be taken.

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions};
-use messages::Payload;
+use messages::Service;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -110,8 +110,8 @@ impl LogWriter {
     ///
     /// # Errors
     /// As [`message`](Self::message).
-    pub(crate) fn end<T: Payload>(&mut self, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
-        let end = End { service: T::SERVICE.name.to_owned(), seq };
+    pub(crate) fn end(&mut self, service: &Service, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
+        let end = End { service: service.name.to_owned(), seq };
         // Fails for maps whose keys are no text; this has none.
         let data = serde_json::to_vec(&end).unwrap_or_default();
         self.raw(END_TOPIC, || json_format::<End>("End"), Times::of(stamp_ns), seq as u32, &data)

@@ -27,8 +27,8 @@ pub enum CameraMask {}
 #[derive(Debug)]
 pub enum CameraBackground {}
 
-/// `truth/mask`: what really moves in the frame of the same number, from a simulator: a pixel is the number of the walker it
-/// shows, 0 where there is none.
+/// `truth/mask`: what the frame of the same number really shows, from a simulator, in the labels of the ChangeDetection
+/// benchmark: 0 what stands still, 50 shadow of a walker, 170 edge of a walker, 255 a walker.
 #[derive(Debug)]
 pub enum TruthMask {}
 

@@ -96,7 +96,11 @@ impl Settings {
             return Err(Fault::new("process", "a process with run = \"std\" beside \"fti\", which waits for its answers"));
         }
         let pretended = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
-        if fti && self.fti.expect_camera && !(pretended || self.runs(BuiltIn::Playback) || foreign) {
+        let sbs = self.runs(BuiltIn::Sbs);
+        if sbs && pretended {
+            return Err(Fault::new("simulator.camera.provides", "anything but \"motion\", which the process that runs \"sbs\" tells"));
+        }
+        if fti && self.fti.expect_camera && !(sbs || pretended || self.runs(BuiltIn::Playback) || foreign) {
             return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));
         }
         Ok(())

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Simulator, Std, Supervisor, Viewer};
+use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Sbs, Simulator, Std, Supervisor, Viewer};
 
 /// What sets the pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -55,6 +55,9 @@ pub struct Settings {
     /// `[std]`: sonar temporal difference.
     #[serde(default)]
     pub std: Std,
+    /// `[sbs]`: statistical background subtraction.
+    #[serde(default)]
+    pub sbs: Sbs,
     /// `[fti]`: fuzzy-tuned integration.
     #[serde(default)]
     pub fti: Fti,
@@ -88,6 +91,7 @@ impl Default for Settings {
             simulator: Simulator::default(),
             mapping: Mapping::default(),
             std: Std::default(),
+            sbs: Sbs::default(),
             fti: Fti::default(),
             recorder: Recorder::default(),
             playback: Playback::default(),

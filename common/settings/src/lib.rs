@@ -27,6 +27,7 @@
 //! Other TOML files, such as the simulator's worlds, are read by [`parse`] and [`parse_checked`] with the same errors.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod background_subtraction;
 mod bounded;
 mod camera;
 mod check;
@@ -49,6 +50,9 @@ mod temporal_difference;
 mod text;
 mod viewer;
 
+pub use background_subtraction::{
+    BlobArea, Compensation, CovarianceFactor, Deviations, Freedom, RegionBound, Sbs, Takeover, TrainingFrames,
+};
 pub use bounded::OutOfRange;
 pub use camera::{Camera, CameraHeight, FieldOfView, FrameRate, HorizonShare, PictureHeight, PictureWidth};
 pub use check::{MAX_PROCESSES, MAX_SONARS};

@@ -15,6 +15,8 @@ pub enum BuiltIn {
     Mapping,
     /// What moves, as the sonars see it.
     Std,
+    /// What moves, as the camera sees it.
+    Sbs,
     /// Which readings a moving thing caused.
     Fti,
     /// The driver of a Pioneer.
@@ -79,6 +81,7 @@ impl BuiltIn {
             Self::Recorder => "recorder",
             Self::Mapping => "mapping",
             Self::Std => "std",
+            Self::Sbs => "sbs",
             Self::Fti => "fti",
             Self::Pioneer => "pioneer",
             Self::Simulator => "simulator",

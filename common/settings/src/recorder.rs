@@ -19,10 +19,12 @@ pub struct Recorder {
     pub file: FileName,
     /// Time between two flushes: what a killed recorder may lose.
     pub flush_s: FlushInterval,
+    /// Whether the pictures of the camera are recorded, too: 17 MB a minute at 160 × 120 in grey and 15 Hz, 280 MB at 640 × 480.
+    pub pictures: bool,
 }
 
 impl Default for Recorder {
     fn default() -> Self {
-        Self { file: FileName::literal("drive.mcap"), flush_s: FlushInterval::default() }
+        Self { file: FileName::literal("drive.mcap"), flush_s: FlushInterval::default(), pictures: true }
     }
 }

@@ -2,18 +2,24 @@
 
 use std::time::Duration;
 
-use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError, Writer};
-use drivelog::{Entry, Log, LogError};
-use messages::{DeploymentStatus, Payload, PlaybackControl, ProcessState, Progress, SonarScan};
+use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError};
+use drivelog::{Log, LogError};
+use messages::{
+    CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, ProcessState, Progress, Service, SonarScan,
+};
 use settings::{BuiltIn, Pace, Program, Settings};
 
 use crate::answers::{Answers, Consumer};
-use crate::resume::{Resume, SPARE};
+use crate::lane::{Cursor, Images, Lane, Messages, Source};
+use crate::resume::{Resume, STREAMS};
 use crate::schedule::Schedule;
+use crate::turn::{Turn, turn};
 use crate::window::Window;
 
 /// Most entries of the log looked at in one step: the heartbeat must not wait for a long log.
 const MOST_AT_ONCE: usize = 1024;
+/// Camera frames that are on the way in lockstep; with a consumer's checkpoint interval fewer than the stream's history holds.
+pub(crate) const FRAME_WINDOW: u32 = 8;
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
@@ -43,48 +49,78 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let checkpoint = shell.checkpoint();
     let resume = load(&checkpoint);
     if restarted {
-        tracing::info!("goes on behind scan {}", resume.begin_behind());
+        tracing::info!("goes on behind scan {}", resume.begin_behind()[0]);
     }
-    let window = settings.playback.window.get();
     let mut playback = Playback {
-        log,
-        next: None,
-        begin_behind: resume.begin_behind(),
-        assumed: resume.reserved,
+        lanes: lanes(&mut shell, settings, log, &resume, restarted)?,
         resume,
         checkpoint,
-        scans: shell.writer()?,
         progress: shell.reader()?,
         statuses: shell.reader()?,
         control: shell.reader()?,
         paused: resume.schedule.is_some_and(|schedule| schedule.rate() <= 0.0),
         rate: resume.schedule.map_or(1.0, |schedule| schedule.rate()),
-        answers: Answers::new(consumers(settings)),
-        pacing: match settings.pace {
-            Pace::Live => Pacing::Live { speed },
-            Pace::Lockstep if restarted => Pacing::Lockstep { window: Window::new(window.min(SPARE)), size: window },
-            Pace::Lockstep => Pacing::Lockstep { window: Window::new(window), size: window },
-        },
+        live_speed: (settings.pace == Pace::Live).then_some(speed),
         first_ns: None,
-        last: (0, 0),
-        sent: 0,
-        ended: false,
     };
     Ok(shell.run(&mut playback)?)
 }
 
-/// The processes of the deployment that answer scans; what any other executable does is not known.
-fn consumers(settings: &Settings) -> impl Iterator<Item = Consumer> {
-    settings.process.iter().filter_map(|process| {
-        let ends_itself = match process.program {
-            Program::BuiltIn(BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti) => true,
-            Program::BuiltIn(BuiltIn::Recorder) => false,
-            Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback | BuiltIn::Viewer) | Program::Command(_) => {
-                return None;
-            }
-        };
-        Some(Consumer { name: process.name.as_str().to_owned(), ends_itself })
-    })
+/// The streams that are played. Each has a reading of the log of its own: what is recorded together need not stand in the
+/// order of sensor time.
+fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, restarted: bool) -> Result<Vec<Lane>, PlaybackError> {
+    let lane = |stream: usize, source: Box<dyn Source>, service: Service, window: u32, consumers: Vec<Consumer>| Lane {
+        source,
+        stream,
+        service: service.name,
+        begin_behind: resume.begin_behind()[stream],
+        assumed: resume.reserved[stream],
+        answers: Answers::new(consumers),
+        window: (settings.pace == Pace::Lockstep).then(|| Window::new(if restarted { window.min(STREAMS[stream].spare) } else { window })),
+        size: window,
+        last: (0, 0),
+        sent: 0,
+        ended: false,
+    };
+    let open = || Log::open(&settings.playback.log);
+    let scans = Box::new(Messages::<SonarScan> { cursor: Cursor::new(log), writer: shell.writer()? });
+    let frames = Box::new(Images::<CameraFrame> { cursor: Cursor::new(open()?), writer: shell.frame_writer()? });
+    let mut lanes = vec![
+        lane(0, scans, SonarScan::SERVICE, settings.playback.window.get(), consumers(settings, answers_scans)),
+        lane(1, frames, CameraFrame::SERVICE, FRAME_WINDOW, consumers(settings, |kind| answers_frames(kind, settings))),
+    ];
+    // What the camera sees is made anew of its pictures, or else played as it was recorded.
+    if !settings.runs(BuiltIn::Sbs) {
+        let motions = Box::new(Messages::<CameraMotion> { cursor: Cursor::new(open()?), writer: shell.writer()? });
+        lanes.push(lane(2, motions, CameraMotion::SERVICE, settings.playback.window.get(), Vec::new()));
+    }
+    Ok(lanes)
+}
+
+/// The processes of the deployment that answer a stream, and whether they end by themselves; what any other executable does is
+/// not known.
+fn consumers(settings: &Settings, ends_itself: impl Fn(BuiltIn) -> Option<bool>) -> Vec<Consumer> {
+    let consumer = |process: &settings::Process| match process.program {
+        Program::BuiltIn(kind) => ends_itself(kind).map(|ends_itself| Consumer { name: process.name.as_str().to_owned(), ends_itself }),
+        Program::Command(_) => None,
+    };
+    settings.process.iter().filter_map(consumer).collect()
+}
+
+fn answers_scans(kind: BuiltIn) -> Option<bool> {
+    match kind {
+        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti => Some(true),
+        BuiltIn::Recorder => Some(false),
+        _ => None,
+    }
+}
+
+fn answers_frames(kind: BuiltIn, settings: &Settings) -> Option<bool> {
+    match kind {
+        BuiltIn::Sbs => Some(true),
+        BuiltIn::Recorder => settings.recorder.pictures.then_some(false),
+        _ => None,
+    }
 }
 
 /// What an earlier incarnation left.
@@ -99,16 +135,9 @@ fn load(checkpoint: &Checkpoint) -> Resume {
 }
 
 struct Playback {
-    log: Log,
-    /// The entry of the log that comes next.
-    next: Option<Entry<SonarScan>>,
-    /// Nobody lacks this message or one before it.
-    begin_behind: u64,
-    /// What a consumer has answered that has not said so.
-    assumed: u64,
+    lanes: Vec<Lane>,
     resume: Resume,
     checkpoint: Checkpoint,
-    scans: Writer<SonarScan>,
     progress: Reader<Progress>,
     statuses: Reader<DeploymentStatus>,
     control: Reader<PlaybackControl>,
@@ -116,19 +145,10 @@ struct Playback {
     paused: bool,
     /// Live: how many times faster than the deployment's clock the log goes.
     rate: f64,
-    answers: Answers,
-    pacing: Pacing,
+    /// Deployment seconds in a second of the wall; `None` in lockstep.
+    live_speed: Option<f64>,
     /// Stamp of the first message.
     first_ns: Option<u64>,
-    /// Number and stamp of the last message sent.
-    last: (u64, u64),
-    sent: u64,
-    ended: bool,
-}
-
-enum Pacing {
-    Live { speed: f64 },
-    Lockstep { window: Window, size: u32 },
 }
 
 impl bus::Process for Playback {
@@ -136,7 +156,7 @@ impl bus::Process for Playback {
         self.listen()?;
         self.obey(context)?;
         if context.stopping() {
-            self.end()?;
+            self.lanes.iter_mut().try_for_each(Lane::end)?;
             return Ok(Next::Finished);
         }
         let next = self.play(context)?;
@@ -149,17 +169,18 @@ impl Playback {
     /// Takes what the consumers and the supervisor say.
     fn listen(&mut self) -> Result<(), StepError> {
         while let Some(received) = self.progress.take()? {
-            if let Received::Message(progress) = received
-                && progress.service.as_str() == SonarScan::SERVICE.name
-            {
-                self.answers.answered(progress.process.as_str(), progress.answered);
+            if let Received::Message(progress) = received {
+                let lanes = self.lanes.iter_mut().filter(|lane| lane.service == progress.service.as_str());
+                lanes.for_each(|lane| lane.answers.answered(progress.process.as_str(), progress.answered));
             }
         }
         let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
         while let Some(received) = self.statuses.take()? {
             if let Received::Message(status) = received {
                 let processes = status.processes.iter().take(status.count as usize);
-                processes.filter(|it| over.contains(&it.state)).for_each(|it| self.answers.over(it.process.as_str()));
+                for process in processes.filter(|it| over.contains(&it.state)) {
+                    self.lanes.iter_mut().for_each(|lane| lane.answers.over(process.process.as_str()));
+                }
             }
         }
         Ok(())
@@ -175,7 +196,7 @@ impl Playback {
         }
         let Some(PlaybackControl { speed, paused, .. }) = asked else { return Ok(()) };
         self.paused = paused == 1;
-        if let Pacing::Live { speed: clock } = &self.pacing {
+        if let Some(clock) = self.live_speed {
             self.rate = speed / clock;
             let schedule = self.resume.schedule;
             self.resume.schedule = schedule.map(|it| it.paced(context.now_ns(), if paused == 1 { 0.0 } else { speed / clock }));
@@ -186,67 +207,60 @@ impl Playback {
 
     /// Sends what may be sent now.
     fn play(&mut self, context: &Context<'_>) -> Result<Next, StepError> {
-        if let Pacing::Lockstep { window, size } = &mut self.pacing {
-            if !self.answers.lack_one() {
-                window.resize(*size);
-            }
-            // Without a consumer there is nobody to wait for.
-            window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
-        }
+        self.lanes.iter_mut().for_each(Lane::heed_answers);
         for _ in 0..MOST_AT_ONCE {
-            if self.ended {
-                return Ok(if self.answers.are_complete(self.last.0) { Next::Finished } else { Next::Wait });
-            }
-            if self.next.is_none() {
-                self.next = self.log.next_of()?;
-            }
-            let Some(Entry::Message { seq, stamp_ns, payload }) = &self.next else {
-                self.end()?;
-                continue;
+            let heads = self.lanes.iter_mut().map(Lane::head).collect::<Result<Vec<_>, _>>()?;
+            let lane = match turn(&heads) {
+                Turn::Of(lane) => lane,
+                Turn::Hold => return Ok(Next::Wait),
+                Turn::Over => {
+                    let is_complete = self.lanes.iter().all(|lane| lane.answers.are_complete(lane.last.0));
+                    return Ok(if is_complete { Next::Finished } else { Next::Wait });
+                }
             };
-            let (seq, stamp_ns) = (*seq, *stamp_ns);
+            let Some(lane) = self.lanes.get_mut(lane) else { continue };
+            let Some((seq, stamp_ns)) = lane.source.peek()? else { continue };
             self.first_ns.get_or_insert(stamp_ns);
-            if seq > self.begin_behind {
-                if self.paused {
-                    return Ok(Next::Wait);
-                }
-                let (schedule, is_new) = match self.resume.schedule {
-                    Some(schedule) => (schedule, false),
-                    None => (Schedule::new(context.now_ns(), stamp_ns).paced(context.now_ns(), self.rate), true),
-                };
-                if let Some(wait) = self.pacing.hold_back(schedule, context.now_ns(), stamp_ns) {
-                    return Ok(wait);
-                }
-                self.resume.schedule = Some(schedule);
-                if self.resume.reserve(seq) | is_new {
-                    self.checkpoint.save(&self.resume.to_bytes())?;
-                }
-                self.scans.send(seq, stamp_ns, payload)?;
-                self.pacing.sent(seq);
-                self.sent += 1;
+            if seq <= lane.begin_behind {
+                lane.pass_over(seq, stamp_ns)?;
+                continue;
             }
-            self.last = (seq, stamp_ns);
-            self.next = None;
+            if self.paused {
+                return Ok(Next::Wait);
+            }
+            let (schedule, is_new) = match self.resume.schedule {
+                Some(schedule) => (schedule, false),
+                None => (Schedule::new(context.now_ns(), stamp_ns).paced(context.now_ns(), self.rate), true),
+            };
+            if let Some(wait) = hold_back(self.live_speed, schedule, context.now_ns(), stamp_ns) {
+                return Ok(wait);
+            }
+            self.resume.schedule = Some(schedule);
+            if self.resume.reserve(lane.stream, seq) | is_new {
+                self.checkpoint.save(&self.resume.to_bytes())?;
+            }
+            lane.send(seq, stamp_ns)?;
         }
         Ok(Next::Again)
     }
 
-    fn end(&mut self) -> Result<(), StepError> {
-        if !self.ended {
-            self.scans.end(self.last.0, self.last.1)?;
-            self.ended = true;
-        }
-        Ok(())
-    }
-
     fn report(&self, context: &mut Context<'_>) {
-        let (read, bytes) = self.log.position();
-        let played_s = self.last.1.saturating_sub(self.first_ns.unwrap_or(self.last.1)) as f64 * 1e-9;
+        let last_ns = self.lanes.iter().map(|lane| lane.last.1).max().unwrap_or_default();
+        let played_s = last_ns.saturating_sub(self.first_ns.unwrap_or(last_ns)) as f64 * 1e-9;
+        let positions = self.lanes.iter().filter(|lane| !lane.ended).map(|lane| lane.source.position());
+        let at_end = || self.lanes.first().map_or((0, 0), |lane| lane.source.position());
+        let (read, bytes) = positions.min().unwrap_or_else(at_end);
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
         context.note(&format!("{played_s:.1} s of the log, {percent:.0} % of it read"));
-        context.count("scans played", self.sent);
+        for lane in &self.lanes {
+            if lane.stream == 0 {
+                context.count("scans played", lane.sent);
+            } else if lane.sent > 0 {
+                context.count(if lane.stream == 1 { "frames played" } else { "camera motions played" }, lane.sent);
+            }
+        }
         context.count(PlaybackControl::PAUSED, u64::from(self.paused));
-        if let Pacing::Live { speed } = &self.pacing {
+        if let Some(speed) = self.live_speed {
             context.count(PlaybackControl::PERCENT, (100.0 * speed * self.rate).round() as u64);
         }
         context.count("done", read);
@@ -254,22 +268,10 @@ impl Playback {
     }
 }
 
-impl Pacing {
-    /// How long the message with this stamp has to wait; `None` when it may be sent.
-    fn hold_back(&self, schedule: Schedule, now_ns: u64, stamp_ns: u64) -> Option<Next> {
-        match self {
-            Self::Lockstep { window, .. } => (!window.has_room()).then_some(Next::Wait),
-            Self::Live { speed } => {
-                let due_in_ns = schedule.due_in_ns(now_ns, stamp_ns);
-                let wall = Duration::from_nanos((due_in_ns as f64 / speed) as u64);
-                (due_in_ns > 0).then(|| Next::WaitAtMost(wall.max(SHORTEST_WAIT)))
-            }
-        }
-    }
-
-    fn sent(&mut self, seq: u64) {
-        if let Self::Lockstep { window, .. } = self {
-            window.sent(seq);
-        }
-    }
+/// Live: how long the message with this stamp has to wait; `None` when it may be sent.
+fn hold_back(live_speed: Option<f64>, schedule: Schedule, now_ns: u64, stamp_ns: u64) -> Option<Next> {
+    let speed = live_speed?;
+    let due_in_ns = schedule.due_in_ns(now_ns, stamp_ns);
+    let wall = Duration::from_nanos((due_in_ns as f64 / speed) as u64);
+    (due_in_ns > 0).then(|| Next::WaitAtMost(wall.max(SHORTEST_WAIT)))
 }

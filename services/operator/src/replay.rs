@@ -42,7 +42,10 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
         Pace::Live => settings::Pace::Live,
     };
     settings.playback.log = log;
+    // Without pictures in the log, what the camera saw is played as it was recorded.
+    let has_pictures = settings.recorder.pictures;
     settings.process.retain(|process| match &process.program {
+        Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
         Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
         Program::Command(command) => {
             tracing::warn!("without {}: whether {} listens or drives, the log does not say", process.name, command.join(" "));

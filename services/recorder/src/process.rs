@@ -6,14 +6,16 @@ use std::time::{Duration, Instant};
 
 use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError};
 use drivelog::WriteError;
-use messages::{DeploymentStatus, ProcessState, SonarScan};
-use settings::Settings;
+use messages::{CameraFrame, DeploymentStatus, ProcessState, SonarScan};
+use settings::{Pace, Settings};
 
 use crate::description::{DescriptionError, describe};
 use crate::file::LogFile;
 use crate::inputs::Inputs;
 use crate::tape::Tape;
 
+/// Camera frames after which to flush in lockstep: half of what playback has on the way.
+const HELD_FRAMES: u64 = 4;
 /// Time until a file that refused is tried again.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -55,19 +57,20 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     let tape = Tape::new(&describe(membership.run(), settings)?)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
-    let safe = load(&checkpoint);
+    let safe = Answered::from_bytes(&load(&checkpoint));
     let mut recorder = Recorder {
-        inputs: Inputs::open(&mut shell)?,
+        inputs: Inputs::open(&mut shell, settings.recorder.pictures)?,
         tape,
         file,
         checkpoint,
         name,
         others_are_over: false,
         hold: u64::from(settings.playback.window.get() / 2).max(1),
-        held_scans: 0,
+        lockstep: settings.pace == Pace::Lockstep,
+        held: Answered::default(),
         flush_every: Duration::from_secs_f64(settings.recorder.flush_s.get()),
         flushed_at: Instant::now(),
-        last_scan: safe,
+        last: safe,
         safe,
         told: None,
         trouble: None,
@@ -75,13 +78,33 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     Ok(shell.run(&mut recorder)?)
 }
 
-/// The last scan that an earlier recorder of this run had in its file.
-fn load(checkpoint: &Checkpoint) -> u64 {
+/// Scans and camera frames: numbers, or counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Answered {
+    scan: u64,
+    frame: u64,
+}
+
+impl Answered {
+    fn to_bytes(self) -> Vec<u8> {
+        [self.scan.to_le_bytes(), self.frame.to_le_bytes()].concat()
+    }
+
+    /// What cannot be read is 0: playback then sends more than is lacking.
+    fn from_bytes(bytes: &[u8]) -> Self {
+        let (numbers, _) = bytes.as_chunks::<8>();
+        let number = |at: usize| numbers.get(at).map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        Self { scan: number(0), frame: number(1) }
+    }
+}
+
+/// What an earlier recorder of this run had in its file.
+fn load(checkpoint: &Checkpoint) -> Vec<u8> {
     match checkpoint.load() {
-        Ok(bytes) => bytes.and_then(|bytes| Some(u64::from_le_bytes(bytes.try_into().ok()?))).unwrap_or_default(),
+        Ok(bytes) => bytes.unwrap_or_default(),
         Err(error) => {
             tracing::warn!("{error}");
-            0
+            Vec::new()
         }
     }
 }
@@ -96,15 +119,17 @@ struct Recorder {
     others_are_over: bool,
     /// Scans after which to flush: lockstep waits for what is not in the file.
     hold: u64,
-    held_scans: u64,
+    lockstep: bool,
+    /// How many wait for the next flush.
+    held: Answered,
     flush_every: Duration,
     flushed_at: Instant,
-    /// The last scan taken.
-    last_scan: u64,
-    /// The last scan that is in the file.
-    safe: u64,
-    /// The last scan that was said to be in the file.
-    told: Option<u64>,
+    /// The last ones taken.
+    last: Answered,
+    /// The last ones that are in the file.
+    safe: Answered,
+    /// The last ones that were said to be in the file.
+    told: Option<Answered>,
     /// Why the file refuses, as it was last said.
     trouble: Option<String>,
 }
@@ -134,8 +159,10 @@ impl Recorder {
     fn take_inputs(&mut self) -> Result<bool, StepError> {
         let Self { inputs, tape, name, others_are_over, .. } = self;
         let taken = inputs.take(tape, |status| *others_are_over |= is_alone(name, status))?;
-        self.held_scans += taken.scans;
-        self.last_scan = self.last_scan.max(self.inputs.last_scan());
+        self.held.scan += taken.scans;
+        self.held.frame += taken.frames;
+        self.last.scan = self.last.scan.max(self.inputs.last_scan());
+        self.last.frame = self.last.frame.max(self.inputs.last_frame().unwrap_or_default());
         Ok(taken.more)
     }
 
@@ -143,7 +170,8 @@ impl Recorder {
         if self.tape.is_blocked() {
             return self.flushed_at.elapsed() >= RETRY;
         }
-        self.held_scans >= self.hold || self.flushed_at.elapsed() >= self.flush_every
+        let frames_are_due = self.lockstep && self.held.frame >= HELD_FRAMES;
+        self.held.scan >= self.hold || frames_are_due || self.flushed_at.elapsed() >= self.flush_every
     }
 
     /// Brings what was recorded into the file. When that refuses, recording goes on once it takes it.
@@ -164,11 +192,11 @@ impl Recorder {
             }
         }
         // What the file refuses for good is not waited for.
-        self.held_scans = 0;
-        if self.safe != self.last_scan {
-            self.safe = self.last_scan;
+        self.held = Answered::default();
+        if self.safe != self.last {
+            self.safe = self.last;
             // Without it a restarted recorder is sent more than it lacks.
-            if let Err(error) = self.checkpoint.save(&self.safe.to_le_bytes()) {
+            if let Err(error) = self.checkpoint.save(&self.safe.to_bytes()) {
                 tracing::debug!("{error}");
             }
         }
@@ -196,7 +224,10 @@ impl Recorder {
 
     fn report(&mut self, context: &mut Context<'_>) {
         if self.told != Some(self.safe) {
-            context.answered::<SonarScan>(self.safe);
+            context.answered::<SonarScan>(self.safe.scan);
+            if self.inputs.last_frame().is_some() {
+                context.answered_frames::<CameraFrame>(self.safe.frame);
+            }
             self.told = Some(self.safe);
         }
         context.count("messages recorded", self.tape.recorded());

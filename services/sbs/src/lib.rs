@@ -16,7 +16,10 @@
 //! last frame to the model that has not been worth a resampling yet. Pictures from 320 wide on are worked on at half size
 //! (`working`); all that goes out is in the camera's pixels.
 //!
+//! `process` joins it to the bus: frames in, answers out; live, a frame that waits when a newer one is there is skipped.
+//!
 //! [`y4m`] and [`score`] read sequences with truth and tell how good a mask is.
+#![cfg_attr(test, allow(clippy::unwrap_used, reason = "tests fail by panicking"))]
 
 mod agreement;
 pub mod alignment;
@@ -39,7 +42,9 @@ pub mod motion;
 mod order;
 mod picture;
 pub mod plane;
+mod process;
 mod pyramid;
+mod remarks;
 mod resample;
 mod rounding;
 mod samples;
@@ -57,6 +62,7 @@ pub use blobs::BlobRule;
 pub use checkpoint::{CHECKPOINT_VERSION, CheckpointError};
 pub use local::LocalRule;
 pub use picture::Refusal;
+pub use process::{SbsError, run};
 pub use settings::{Method, Settings};
 pub use shadow::ShadowRule;
 pub use state::{Answer, Frame, Odometry, Remark, State};

@@ -17,7 +17,9 @@ pub(crate) fn plans(settings: &Settings) -> Vec<Plan> {
 fn plan(process: &Process, pace: Pace) -> Plan {
     let (role, brings_scans) = match process.program {
         Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) => (Role::Source, true),
-        Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Viewer) => (Role::Consumer, false),
+        Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Sbs | BuiltIn::Fti | BuiltIn::Viewer) => {
+            (Role::Consumer, false)
+        }
         Program::Command(_) => (Role::Source, false),
     };
     let essential = brings_scans || (pace == Pace::Lockstep && !process.runs(BuiltIn::Viewer));

@@ -1,0 +1,176 @@
+//! One stream on its way from the log to the bus.
+
+use bus::{BusError, FrameWriter, StepError, Writer};
+use drivelog::{Entry, Image, Log, LogError, Logged};
+use messages::Pictures;
+
+use crate::answers::Answers;
+use crate::turn::Head;
+use crate::window::Window;
+
+/// Messages of the log that can be sent, one after the other.
+pub(crate) trait Source {
+    /// Number and stamp of the message that comes next; `None` at the end of the stream.
+    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError>;
+
+    /// Sends that message, unless it is only to be passed over.
+    fn pass(&mut self, send: bool) -> Result<(), BusError>;
+
+    /// Says that the stream ends.
+    fn end(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError>;
+
+    /// Bytes of the log that have been read, and bytes of all its files.
+    fn position(&self) -> (u64, u64);
+}
+
+/// A reading of the log that stops at each entry of one stream.
+pub(crate) struct Cursor<T> {
+    log: Log,
+    next: Option<Entry<T>>,
+}
+
+impl<T> Cursor<T> {
+    pub(crate) fn new(log: Log) -> Self {
+        Self { log, next: None }
+    }
+
+    fn peek(&mut self, read: impl Fn(&mut Log) -> Result<Option<Entry<T>>, LogError>) -> Result<Option<(u64, u64)>, LogError> {
+        if self.next.is_none() {
+            self.next = read(&mut self.log)?;
+        }
+        Ok(match &self.next {
+            Some(Entry::Message { seq, stamp_ns, .. }) => Some((*seq, *stamp_ns)),
+            Some(Entry::End { .. }) | None => None,
+        })
+    }
+}
+
+/// Messages of a service.
+pub(crate) struct Messages<T: Logged> {
+    pub(crate) cursor: Cursor<T>,
+    pub(crate) writer: Writer<T>,
+}
+
+impl<T: Logged> Source for Messages<T> {
+    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError> {
+        self.cursor.peek(Log::next_of::<T>)
+    }
+
+    fn pass(&mut self, send: bool) -> Result<(), BusError> {
+        match self.cursor.next.take() {
+            Some(Entry::Message { seq, stamp_ns, payload }) if send => self.writer.send(seq, stamp_ns, &payload),
+            _ => Ok(()),
+        }
+    }
+
+    fn end(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+        self.writer.end(seq, stamp_ns)
+    }
+
+    fn position(&self) -> (u64, u64) {
+        self.cursor.log.position()
+    }
+}
+
+/// Pictures of a service.
+pub(crate) struct Images<P: Pictures> {
+    pub(crate) cursor: Cursor<Image>,
+    pub(crate) writer: FrameWriter<P>,
+}
+
+impl<P: Pictures> Source for Images<P> {
+    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError> {
+        self.cursor.peek(Log::next_picture::<P>)
+    }
+
+    fn pass(&mut self, send: bool) -> Result<(), BusError> {
+        match self.cursor.next.take() {
+            Some(Entry::Message { seq, stamp_ns, payload }) if send => self.writer.send(seq, stamp_ns, payload.layout, &payload.bytes),
+            _ => Ok(()),
+        }
+    }
+
+    fn end(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+        self.writer.end(seq, stamp_ns)
+    }
+
+    fn position(&self) -> (u64, u64) {
+        self.cursor.log.position()
+    }
+}
+
+/// A stream with those who consume it.
+pub(crate) struct Lane {
+    pub(crate) source: Box<dyn Source>,
+    /// Its place among the streams of [`Resume`](crate::Resume).
+    pub(crate) stream: usize,
+    pub(crate) service: &'static str,
+    /// Nobody lacks this message or one before it.
+    pub(crate) begin_behind: u64,
+    /// What a consumer has answered that has not said so.
+    pub(crate) assumed: u64,
+    pub(crate) answers: Answers,
+    /// `None` live.
+    pub(crate) window: Option<Window>,
+    /// Size of the window once every consumer has said how far it is.
+    pub(crate) size: u32,
+    /// Number and stamp of the last message that was passed.
+    pub(crate) last: (u64, u64),
+    pub(crate) sent: u64,
+    pub(crate) ended: bool,
+}
+
+impl Lane {
+    /// Takes account of what its consumers have answered.
+    pub(crate) fn heed_answers(&mut self) {
+        let Some(window) = &mut self.window else { return };
+        if !self.answers.lack_one() {
+            window.resize(self.size);
+        }
+        // Without a consumer there is nobody to wait for.
+        window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
+    }
+
+    /// Its next message; says its end when there is none.
+    pub(crate) fn head(&mut self) -> Result<Option<Head>, StepError> {
+        if self.ended {
+            return Ok(None);
+        }
+        match self.source.peek()? {
+            Some((seq, stamp_ns)) => {
+                // What is only passed over takes no room.
+                let has_room = seq <= self.begin_behind || self.window.as_ref().is_none_or(Window::has_room);
+                Ok(Some(Head { stamp_ns, has_room, last_ns: self.last.1 }))
+            }
+            None => {
+                self.end()?;
+                Ok(None)
+            }
+        }
+    }
+
+    /// Passes over its next message, which has this number and stamp.
+    pub(crate) fn pass_over(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+        self.last = (seq, stamp_ns);
+        self.source.pass(false)
+    }
+
+    /// Sends its next message, which has this number and stamp.
+    pub(crate) fn send(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+        self.source.pass(true)?;
+        if let Some(window) = &mut self.window {
+            window.sent(seq);
+        }
+        self.last = (seq, stamp_ns);
+        self.sent += 1;
+        Ok(())
+    }
+
+    pub(crate) fn end(&mut self) -> Result<(), BusError> {
+        if !self.ended {
+            self.source.end(self.last.0, self.last.1)?;
+            self.ended = true;
+        }
+        Ok(())
+    }
+}

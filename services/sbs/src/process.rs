@@ -1,0 +1,338 @@
+//! The process around SBS: frames from the bus, an answer to each onto it.
+
+use bus::{BusError, Checkpoint, Context, FrameReader, FrameWriter, Next, Process, Received, RunError, Shell, StepError, Writer};
+use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
+use settings::{Compensation, Freedom, Pace};
+
+use crate::background::BackgroundRule;
+use crate::blobs::BlobRule;
+use crate::checkpoint::CheckpointError;
+use crate::plane::Plane;
+use crate::remarks::Remarks;
+use crate::settings::{Method, Settings};
+use crate::state::{Frame, Remark, State};
+use crate::transform::{Class, Transform};
+
+/// Frames between two checkpoints: with the lockstep window fewer than the stream's history holds.
+const CHECKPOINT_FRAMES: u64 = 8;
+/// Frames between two background pictures: they are for people.
+const BACKGROUND_FRAMES: u64 = 8;
+/// Most frames worked on in one round, so that the heartbeat is never late.
+const TAKEN_PER_ROUND: usize = 16;
+
+/// How SBS ended that should not have.
+#[derive(Debug, thiserror::Error)]
+pub enum SbsError {
+    /// A service cannot be used.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The work loop failed.
+    #[error("{0}")]
+    Run(#[from] RunError),
+}
+
+/// Answers frames until they end or the process is asked to stop.
+///
+/// # Errors
+/// When the bus fails.
+pub fn run(mut shell: Shell, settings: &settings::Settings) -> Result<(), SbsError> {
+    let mut subtraction = Subtraction::new(&mut shell, settings)?;
+    Ok(shell.run(&mut subtraction)?)
+}
+
+/// What SBS works by in a deployment with these settings.
+fn parameters(settings: &settings::Settings) -> Settings {
+    let (sbs, camera) = (&settings.sbs, &settings.camera);
+    // Their ranges are those of a byte.
+    let frames = |setting: settings::Takeover| u8::try_from(setting.get()).unwrap_or(u8::MAX);
+    Settings {
+        method: match sbs.compensation {
+            Compensation::Direct => Method::Direct,
+            Compensation::Icp => Method::Icp,
+        },
+        class: match sbs.freedom {
+            Freedom::Similarity => Class::Similarity,
+            Freedom::Affine => Class::Affine,
+            Freedom::Homography => Class::Homography,
+        },
+        horizon: camera.horizon_share.get().clamp(0.0, 1.0) as f32,
+        field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
+        training_frames: sbs.training_frames.get() as usize,
+        background: BackgroundRule {
+            k: sbs.k.get() as f32,
+            takeover: frames(sbs.takeover_frames),
+            takeover_still: frames(sbs.takeover_still_frames),
+            ..BackgroundRule::default()
+        },
+        blobs: BlobRule { size_min: sbs.min_area_px.get() as f32, ..BlobRule::default() },
+        beta: sbs.beta.get(),
+        h_bar: sbs.h_bar.get(),
+        ..Settings::default()
+    }
+}
+
+/// Number and stamp of the last frame that was answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Place {
+    seq: u64,
+    stamp_ns: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Counts {
+    answered: u64,
+    skipped: u64,
+    refused: u64,
+    not_compensated: u64,
+    blobs: u64,
+}
+
+struct Subtraction {
+    state: State,
+    frames: FrameReader<CameraFrame>,
+    motions: Writer<CameraMotion>,
+    masks: FrameWriter<CameraMask>,
+    backgrounds: FrameWriter<CameraBackground>,
+    checkpoint: Checkpoint,
+    place: Place,
+    /// Last frame that the checkpoint includes.
+    checkpointed: u64,
+    lockstep: bool,
+    counts: Counts,
+    remarks: Remarks,
+}
+
+impl Process for Subtraction {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let mut next = Next::Again;
+        for _ in 0..TAKEN_PER_ROUND {
+            if !self.answer_next()? {
+                next = if self.frames.ended() || context.stopping() { Next::Finished } else { Next::Wait };
+                break;
+            }
+            context.answered_frames::<CameraFrame>(self.place.seq);
+        }
+        if next == Next::Finished {
+            self.finish()?;
+        }
+        self.report(context);
+        Ok(next)
+    }
+}
+
+impl Subtraction {
+    fn new(shell: &mut Shell, settings: &settings::Settings) -> Result<Self, BusError> {
+        let checkpoint = shell.checkpoint();
+        let (state, place) = take_up(&checkpoint, parameters(settings));
+        let mut frames = shell.frame_reader()?;
+        frames.skip_to(place.seq);
+        Ok(Self {
+            state,
+            frames,
+            motions: shell.writer()?,
+            masks: shell.frame_writer()?,
+            backgrounds: shell.frame_writer()?,
+            checkpoint,
+            place,
+            checkpointed: place.seq,
+            lockstep: settings.pace == Pace::Lockstep,
+            counts: Counts::default(),
+            remarks: Remarks::default(),
+        })
+    }
+
+    /// Answers the next frame; false when none waits.
+    fn answer_next(&mut self) -> Result<bool, StepError> {
+        let frame = self.next_frame()?;
+        if let Some(refused) = self.frames.take_refused().filter(|refused| refused.seq > self.place.seq) {
+            let is_before = frame.as_ref().is_none_or(|frame| refused.seq < frame.seq());
+            if is_before {
+                // What follows must not seem to run backwards because this one does.
+                let stamp_ns = refused.stamp_ns.max(self.place.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
+                self.refuse(Place { seq: refused.seq, stamp_ns }, &refused.problem)?;
+            }
+        }
+        let Some(frame) = frame else { return Ok(false) };
+        self.answer(&frame)?;
+        Ok(true)
+    }
+
+    /// The next frame, live the newest: what waits when a newer one is there is skipped and counted.
+    fn next_frame(&mut self) -> Result<Option<bus::Frame<CameraFrame>>, BusError> {
+        let mut newest = None;
+        while let Some(received) = self.frames.take()? {
+            let Received::Message(frame) = received else { break };
+            self.counts.skipped += u64::from(newest.replace(frame).is_some());
+            if self.lockstep {
+                break;
+            }
+        }
+        Ok(newest)
+    }
+
+    fn answer(&mut self, frame: &bus::Frame<CameraFrame>) -> Result<(), StepError> {
+        let place = Place { seq: frame.seq(), stamp_ns: frame.stamp_ns() };
+        let answer = self.state.step(&Frame { stamp_ns: place.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
+        if let Some(words) = self.remarks.answered(place.seq, &answer) {
+            tracing::info!("{words}");
+        }
+        self.counts.refused += u64::from(matches!(answer.remark, Remark::Refused(_)));
+        self.counts.not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
+        self.counts.blobs += u64::from(answer.motion.count);
+        self.motions.send(place.seq, place.stamp_ns, &answer.motion)?;
+        self.counts.answered += 1;
+        self.place = place;
+        self.show()?;
+        if place.seq >= self.checkpointed + CHECKPOINT_FRAMES {
+            self.save()?;
+        }
+        Ok(())
+    }
+
+    /// Answers a frame whose shape or time cannot be meant.
+    fn refuse(&mut self, place: Place, problem: &str) -> Result<(), StepError> {
+        if let Some(words) = self.remarks.refused(place.seq, problem) {
+            tracing::warn!("{words}");
+        }
+        let transform = Transform::identity().rows();
+        let motion = CameraMotion { transform, status: CameraStatus::Refused as u32, ..CameraMotion::default() };
+        self.motions.send(place.seq, place.stamp_ns, &motion)?;
+        self.counts.refused += 1;
+        self.counts.answered += 1;
+        self.place = place;
+        Ok(())
+    }
+
+    /// Sends pictures to whoever looks.
+    fn show(&mut self) -> Result<(), BusError> {
+        let Place { seq, stamp_ns } = self.place;
+        if self.masks.is_read()
+            && let Some(mask) = self.state.mask()
+        {
+            self.masks.send(seq, stamp_ns, grey(&mask), mask.values())?;
+        }
+        if seq.is_multiple_of(BACKGROUND_FRAMES)
+            && self.backgrounds.is_read()
+            && let Some(background) = self.state.background()
+        {
+            self.backgrounds.send(seq, stamp_ns, grey(&background), background.values())?;
+        }
+        Ok(())
+    }
+
+    fn save(&mut self) -> Result<(), StepError> {
+        let Place { seq, stamp_ns } = self.place;
+        let mut bytes = [seq.to_le_bytes(), stamp_ns.to_le_bytes()].concat();
+        bytes.extend(self.state.save());
+        self.checkpoint.save(&bytes)?;
+        self.checkpointed = seq;
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), StepError> {
+        self.save()?;
+        let Place { seq, stamp_ns } = self.place;
+        self.motions.end(seq, stamp_ns)?;
+        self.masks.end(seq, stamp_ns)?;
+        self.backgrounds.end(seq, stamp_ns)?;
+        Ok(())
+    }
+
+    fn report(&self, context: &mut Context<'_>) {
+        let Counts { answered, skipped, refused, not_compensated, blobs } = self.counts;
+        context.count("frames answered", answered);
+        context.count("frames skipped", skipped);
+        context.count("frames refused", refused);
+        context.count("frames not compensated", not_compensated);
+        context.count("blobs", blobs);
+        context.note(self.remarks.now());
+    }
+}
+
+fn grey(plane: &Plane<u8>) -> FrameLayout {
+    FrameLayout::packed(plane.width() as u32, plane.height() as u32, PixelFormat::Grey)
+}
+
+/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
+fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> (State, Place) {
+    let problem = match checkpoint.load() {
+        Ok(None) => None,
+        Ok(Some(bytes)) => match restore(parameters.clone(), &bytes) {
+            Ok((state, place)) => {
+                tracing::info!("goes on after frame {}", place.seq);
+                return (state, place);
+            }
+            Err(error) => Some(format!("the state in the checkpoint: {error}")),
+        },
+        Err(error) => Some(error.to_string()),
+    };
+    if let Some(problem) = problem {
+        tracing::error!("learns the background anew: {problem}");
+    }
+    (State::new(parameters), Place::default())
+}
+
+fn restore(parameters: Settings, bytes: &[u8]) -> Result<(State, Place), CheckpointError> {
+    let (numbers, state) = bytes.split_at_checked(16).unwrap_or((&[], bytes));
+    let (numbers, _) = numbers.as_chunks::<8>();
+    let number = |at: usize| numbers.get(at).map_or(0, |bytes| u64::from_le_bytes(*bytes));
+    Ok((State::restore(parameters, state)?, Place { seq: number(0), stamp_ns: number(1) }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bus::Domain;
+
+    /// What is worked on of five frames that wait, and how many are skipped.
+    fn taken(pace: &str) -> (Vec<u64>, u64) {
+        let domain = Domain::open(&format!("test-sbs-skip-{pace}-{}", std::process::id()), 1.0).unwrap();
+        let mut source = Shell::join(domain.membership_for("source", 0, "x".as_ref())).unwrap();
+        let mut shell = Shell::join(domain.membership_for("sbs", 0, "x".as_ref())).unwrap();
+        let text = format!("name = \"x\"\npace = \"{pace}\"\n[[process]]\nname = \"p\"\nrun = \"playback\"\n");
+        let settings = settings::Settings::parse("x.toml", &text).unwrap();
+        let mut subtraction = Subtraction::new(&mut shell, &settings).unwrap();
+        let mut frames: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
+        let layout = FrameLayout::packed(80, 60, PixelFormat::Grey);
+        for seq in 1..=5 {
+            frames.send_with(seq, seq, layout, |bytes| bytes.fill(seq as u8)).unwrap();
+        }
+        frames.end(5, 5).unwrap();
+        let mut taken = Vec::new();
+        while let Some(frame) = subtraction.next_frame().unwrap() {
+            taken.push(frame.seq());
+        }
+        assert!(subtraction.frames.ended());
+        let skipped = subtraction.counts.skipped;
+        drop((source, shell, subtraction, frames));
+        domain.close().unwrap();
+        (taken, skipped)
+    }
+
+    #[test]
+    fn live_what_waits_behind_a_newer_frame_is_skipped_and_counted() {
+        assert_eq!(taken("live"), (vec![5], 4));
+    }
+
+    #[test]
+    fn in_lockstep_nothing_is_skipped() {
+        assert_eq!(taken("lockstep"), (vec![1, 2, 3, 4, 5], 0));
+    }
+
+    #[test]
+    fn what_is_set_is_what_it_works_by() {
+        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\ncompensation = \"icp\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n";
+        let found = parameters(&settings::Settings::parse("x.toml", text).unwrap());
+        let expected = Settings {
+            method: Method::Icp,
+            horizon: 0.4,
+            field_of_view_rad: std::f64::consts::FRAC_PI_2,
+            background: BackgroundRule { k: 2.5, takeover: 255, ..BackgroundRule::default() },
+            blobs: BlobRule { size_min: 10.0, ..BlobRule::default() },
+            beta: 1.0,
+            ..Settings::default()
+        };
+        assert_eq!(found, expected);
+        assert_eq!(parameters(&settings::Settings::default()), Settings::default(), "the defaults are those of the core");
+    }
+}

@@ -1,0 +1,277 @@
+//! The process on a bus of its own: what it sends is what the fold gives, also when it is killed on the way, and frames that lie
+//! are answered with words.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod common;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use bus::{Domain, FrameReader, FrameWriter, Membership, Reader, Received, Shell};
+use common::{PERIOD_NS, grey, picture};
+use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Heartbeat, PixelFormat, Progress};
+use stillmap_sbs::{Answer, Frame, State};
+
+const SIZE: (usize, usize) = (96, 72);
+const FRAMES: u64 = 60;
+
+/// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
+#[test]
+fn the_process() {
+    if std::env::var_os("STILLMAP_DOMAIN").is_none() {
+        return;
+    }
+    let membership = Membership::from_env().unwrap();
+    let settings = settings::Settings::read(membership.settings_path()).unwrap();
+    stillmap_sbs::run(Shell::join(membership).unwrap(), &settings).unwrap();
+}
+
+fn start(domain: &Domain, incarnation: u32, settings: &Path) -> Child {
+    let membership = domain.membership_for("sbs", incarnation, settings);
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "the_process", "--nocapture"]).envs(membership.environment()).stdout(Stdio::null());
+    command.spawn().unwrap()
+}
+
+/// A figure walks before a wall; in every third picture the pixels are stored in another way.
+fn frame(seq: u64) -> (u64, FrameLayout, Vec<u8>) {
+    let (width, height) = SIZE;
+    let figure = (seq > 20).then(|| [10.0 + 1.5 * (seq - 20) as f64, 20.0, 14.0, 40.0]);
+    let bytes = picture(width, height, [0.0, 0.0], figure, seq);
+    let (layout, bytes) = match seq % 3 {
+        0 => (grey(width, height), bytes),
+        1 => (FrameLayout::packed(width as u32, height as u32, PixelFormat::Yuyv), bytes.iter().flat_map(|y| [*y, 128]).collect()),
+        _ => (FrameLayout::packed(width as u32, height as u32, PixelFormat::Rgb), bytes.iter().flat_map(|y| [*y; 3]).collect()),
+    };
+    (seq * PERIOD_NS, layout, bytes)
+}
+
+fn fold() -> (Vec<Answer>, State) {
+    let mut state = State::new(stillmap_sbs::Settings::default());
+    let answers = (1..=FRAMES).map(|seq| {
+        let (stamp_ns, layout, bytes) = frame(seq);
+        state.step(&Frame { stamp_ns, layout, bytes: &bytes, odometry: None })
+    });
+    (answers.collect(), state)
+}
+
+/// Everything that the process is given and says.
+struct Bench {
+    folder: tempfile::TempDir,
+    frames: FrameWriter<CameraFrame>,
+    progress: Reader<Progress>,
+    heartbeats: Reader<Heartbeat>,
+    motions: Reader<CameraMotion>,
+    masks: FrameReader<CameraMask>,
+    backgrounds: FrameReader<CameraBackground>,
+    source: Shell,
+    watcher: Shell,
+    domain: Domain,
+    process: Option<Child>,
+    answered: u64,
+    mask: Option<(u64, FrameLayout, Vec<u8>)>,
+    background: Option<(u64, FrameLayout)>,
+}
+
+impl Bench {
+    fn new(name: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "name = \"x\"\npace = \"lockstep\"\n[[process]]\nname = \"sbs\"\nrun = \"sbs\"\n[[process]]\nname = \"playback\"\nrun = \"playback\"\n";
+        std::fs::write(folder.path().join("settings.toml"), text).unwrap();
+        let domain = Domain::open(&format!("test-sbs-{name}-{}", std::process::id()), 1.0).unwrap();
+        let mut source = Shell::join(domain.membership_for("source", 0, "settings.toml".as_ref())).unwrap();
+        let mut watcher = Shell::join(domain.membership_for("watcher", 0, "settings.toml".as_ref())).unwrap();
+        Self {
+            frames: source.frame_writer().unwrap(),
+            progress: watcher.reader().unwrap(),
+            heartbeats: watcher.reader().unwrap(),
+            motions: watcher.reader().unwrap(),
+            masks: watcher.frame_reader().unwrap(),
+            backgrounds: watcher.frame_reader().unwrap(),
+            folder,
+            source,
+            watcher,
+            domain,
+            process: None,
+            answered: 0,
+            mask: None,
+            background: None,
+        }
+    }
+
+    fn start(&mut self, incarnation: u32) {
+        self.process = Some(start(&self.domain, incarnation, &self.folder.path().join("settings.toml")));
+    }
+
+    fn kill(&mut self) {
+        let mut process = self.process.take().unwrap();
+        process.kill().unwrap();
+        process.wait().unwrap();
+        self.domain.remove_the_dead();
+    }
+
+    /// Waits for messages; a process that has failed sends none.
+    fn wait(&mut self) {
+        let ended = self.process.as_mut().unwrap().try_wait().unwrap();
+        assert!(ended.is_none_or(|status| status.success()), "the process failed: {ended:?}");
+        self.source.wait_for_inputs(Duration::ZERO).unwrap();
+        self.watcher.wait_for_inputs(Duration::from_millis(50)).unwrap();
+    }
+
+    /// Sends frames as lockstep does: no more than a few ahead of their answers.
+    fn send(&mut self, seqs: std::ops::RangeInclusive<u64>) {
+        for seq in seqs {
+            let (stamp_ns, layout, bytes) = frame(seq);
+            self.frames.send(seq, stamp_ns, layout, &bytes).unwrap();
+            self.wait_until_answered(seq.saturating_sub(7));
+        }
+    }
+
+    fn wait_until_answered(&mut self, seq: u64) {
+        while self.answered < seq {
+            match self.progress.take().unwrap() {
+                Some(Received::Message(progress)) => self.answered = progress.answered,
+                _ => {
+                    self.look();
+                    self.wait();
+                }
+            }
+        }
+    }
+
+    /// Keeps the last of the pictures.
+    fn look(&mut self) {
+        while let Some(received) = self.masks.take().unwrap() {
+            if let Received::Message(mask) = received {
+                self.mask = Some((mask.seq(), mask.layout(), mask.bytes().to_vec()));
+            }
+        }
+        while let Some(received) = self.backgrounds.take().unwrap() {
+            if let Received::Message(background) = received {
+                self.background = Some((background.seq(), background.layout()));
+            }
+        }
+    }
+
+    /// Takes the answers until the stream has ended.
+    fn receive_all(&mut self, into: &mut Vec<(u64, u64, CameraMotion)>) {
+        while !(self.motions.ended() && self.masks.ended() && self.backgrounds.ended()) {
+            self.receive(into);
+            self.wait();
+        }
+        assert!(self.process.take().unwrap().wait().unwrap().success());
+    }
+
+    fn receive(&mut self, into: &mut Vec<(u64, u64, CameraMotion)>) {
+        self.look();
+        while let Some(received) = self.motions.take().unwrap() {
+            if let Received::Message(motion) = received {
+                into.push((motion.seq(), motion.stamp_ns(), *motion));
+            }
+        }
+    }
+
+    /// Waits until a heartbeat says these words.
+    fn wait_for_words(&mut self, words: &str) {
+        loop {
+            match self.heartbeats.take().unwrap() {
+                Some(Received::Message(beat)) if beat.process.as_str() == "sbs" && beat.note.as_str().contains(words) => return,
+                Some(_) => (),
+                None => self.wait(),
+            }
+        }
+    }
+
+    fn close(self) {
+        let Self { domain, frames, progress, heartbeats, motions, masks, backgrounds, source, watcher, folder: _folder, .. } = self;
+        drop((frames, progress, heartbeats, motions, masks, backgrounds, source, watcher));
+        domain.close().unwrap();
+    }
+}
+
+fn check_answers(received: &[(u64, u64, CameraMotion)]) {
+    let (answers, _) = fold();
+    assert_eq!(received.len() as u64, FRAMES);
+    for ((seq, stamp_ns, motion), (expected_seq, expected)) in received.iter().zip((1..).zip(&answers)) {
+        assert_eq!((*seq, *stamp_ns), (expected_seq, expected_seq * PERIOD_NS));
+        assert_eq!(motion, &expected.motion, "frame {seq}");
+    }
+    assert!(answers.iter().any(|answer| answer.motion.count > 0), "the figure is seen");
+}
+
+#[test]
+fn what_it_sends_is_what_the_fold_gives() {
+    let mut bench = Bench::new("whole");
+    bench.start(0);
+    bench.send(1..=FRAMES);
+    bench.frames.end(FRAMES, FRAMES * PERIOD_NS).unwrap();
+    let mut received = Vec::new();
+    bench.receive_all(&mut received);
+    check_answers(&received);
+    let (_, state) = fold();
+    let mask = state.mask().unwrap();
+    assert!(mask.values().contains(&255));
+    assert!(bench.mask == Some((FRAMES, grey(SIZE.0, SIZE.1), mask.values().to_vec())), "the mask of the last frame");
+    assert_eq!(bench.background, Some((FRAMES / 8 * 8, grey(SIZE.0, SIZE.1))));
+    bench.close();
+}
+
+#[test]
+fn killed_on_the_way_it_goes_on_to_the_same_answers() {
+    let mut bench = Bench::new("killed");
+    let (mut sent, mut received) = (0, Vec::new());
+    for (incarnation, last) in [(0, 7), (1, 9), (2, 40)] {
+        bench.start(incarnation);
+        bench.send(sent + 1..=last);
+        bench.wait_until_answered(last);
+        bench.receive(&mut received);
+        bench.kill();
+        sent = last;
+    }
+    bench.start(3);
+    bench.send(sent + 1..=FRAMES);
+    bench.frames.end(FRAMES, FRAMES * PERIOD_NS).unwrap();
+    bench.receive_all(&mut received);
+    check_answers(&received);
+    bench.close();
+}
+
+#[test]
+fn frames_that_lie_are_answered_with_words() {
+    let mut bench = Bench::new("lies");
+    bench.start(0);
+    bench.send(1..=2);
+    let (width, height) = SIZE;
+    let (_, good, bytes) = frame(3);
+    let second = 15 * PERIOD_NS;
+    let refused = CameraStatus::Refused;
+    let learning = CameraStatus::Learning;
+    let wide = FrameLayout { width: 97, stride: 97, ..good };
+    let checkered: Vec<u8> = (0..width * height).map(|at| if at % 7 == 0 { 128 } else { 255 * (at % 2) as u8 }).collect();
+    let (large_width, large_height) = (112, 84);
+    let large = picture(large_width, large_height, [0.0, 0.0], None, 1);
+    let lies: [(u64, FrameLayout, &[u8], CameraStatus, &str); 8] = [
+        (3 * PERIOD_NS, wide, &bytes, refused, "frame 3 refused: bytes is 6912, expected stride"),
+        (4 * PERIOD_NS, good, &vec![17; bytes.len()], refused, "frame 4 refused: all pixels have the value 17"),
+        (5 * PERIOD_NS, good, &checkered, refused, "frame 5 refused: 0.86 of the pixels are at an end of the range"),
+        (PERIOD_NS, good, &bytes, refused, "frame 6 refused: its stamp"),
+        (5 * PERIOD_NS + 3 * second, good, &bytes, learning, "3.2 s without a picture before frame 7"),
+        (5 * PERIOD_NS + 3 * second, good, &bytes, refused, "frame 8 refused: stamp"),
+        (6 * PERIOD_NS + 3 * second, grey(large_width, large_height), &large, learning, "pictures of another size from frame 9 on"),
+        (7 * PERIOD_NS + 3 * second, grey(32, 24), &large[..32 * 24], refused, "frame 10 refused: a picture of 32"),
+    ];
+    for (seq, (stamp_ns, layout, bytes, _, words)) in (3..).zip(lies) {
+        bench.frames.send(seq, stamp_ns, layout, bytes).unwrap();
+        bench.wait_for_words(words);
+    }
+    bench.frames.end(10, u64::MAX).unwrap();
+    let mut received = Vec::new();
+    bench.receive_all(&mut received);
+    let statuses: Vec<(u64, u32)> = received.iter().map(|(seq, _, motion)| (*seq, motion.status)).collect();
+    let expected = (3..).zip(lies).map(|(seq, (.., status, _))| (seq, status as u32));
+    assert_eq!(statuses, [1, 2].map(|seq| (seq, learning as u32)).into_iter().chain(expected).collect::<Vec<_>>());
+    assert!(received.is_sorted_by_key(|(_, stamp_ns, _)| *stamp_ns), "the answers run forwards");
+    bench.close();
+}
