@@ -12,11 +12,11 @@ use crate::{Fti, Input, Parameters, ParametersError, StateError};
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
 /// Most messages taken of each stream in one round, so that the heartbeat is never late.
-const TAKEN_PER_ROUND: usize = 64;
+const TAKEN_PER_ROUND: usize = 128;
 /// Shortest time between two outlooks: the map that is shown is made anew no more often.
 const OUTLOOK_PERIOD: Duration = Duration::from_millis(90);
-/// A stream this much older than the newest scan is missed, ns of sensor time.
-const MISSED_NS: u64 = 1_000_000_000;
+/// A stream this much older than the newest scan is missed, s of the wall clock.
+const MISSED_S: f64 = 1.0;
 /// How long after the last scan the other streams are waited for, live.
 const STRAGGLERS: Duration = Duration::from_millis(500);
 
@@ -39,7 +39,8 @@ pub enum FtiError {
 /// # Errors
 /// Settings that make no FTI, or a bus that fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
-    let parameters = Parameters::of_settings(settings);
+    let speed = shell.membership().speed().max(1.0);
+    let parameters = Parameters::of_settings(settings).at_speed(speed);
     let with_camera = parameters.camera.is_some();
     let checkpoint = shell.checkpoint();
     let (fti, place) = take_up(&checkpoint, parameters)?;
@@ -68,6 +69,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
         scans_ended_at: None,
         shown_at: None,
         missed: [None; 2],
+        missed_after_ns: (MISSED_S * speed * 1e9) as u64,
         counts: Counts::default(),
         fti,
     };
@@ -113,6 +115,8 @@ struct Integration {
     shown_at: Option<Instant>,
     /// Since when (deployment clock, ns) the motion of sonars and camera is missed.
     missed: [Option<u64>; 2],
+    /// A stream this much older than the newest scan is missed, ns of sensor time.
+    missed_after_ns: u64,
     counts: Counts,
 }
 
@@ -126,7 +130,7 @@ impl Process for Integration {
         if self.place.scan >= self.checkpointed + CHECKPOINT_SCANS {
             self.save()?;
         }
-        self.say(context);
+        self.say(context, more);
         if more {
             return Ok(Next::Again);
         }
@@ -140,17 +144,18 @@ impl Process for Integration {
 impl Integration {
     /// Takes what waits, up to a round's share; true when there may be more.
     fn take_inputs(&mut self) -> Result<bool, StepError> {
-        let mut more = false;
-        for taken in 1..=TAKEN_PER_ROUND {
-            let camera = self.take_camera()?;
-            let sonar = self.take_sonar()?;
-            let scan = self.take_scan()?;
-            if !(camera || sonar || scan) {
-                break;
+        // Scans last: after a delay they would else seem to have come without the rest.
+        let more = self.take_up_to(Self::take_camera)? | self.take_up_to(Self::take_sonar)?;
+        Ok(more | self.take_up_to(Self::take_scan)?)
+    }
+
+    fn take_up_to(&mut self, take: fn(&mut Self) -> Result<bool, StepError>) -> Result<bool, StepError> {
+        for _ in 0..TAKEN_PER_ROUND {
+            if !take(self)? {
+                return Ok(false);
             }
-            more = taken == TAKEN_PER_ROUND;
         }
-        Ok(more)
+        Ok(true)
     }
 
     fn take_scan(&mut self) -> Result<bool, StepError> {
@@ -249,11 +254,14 @@ impl Integration {
     }
 
     /// Says what is missed, once when it begins and once when it is over, and what was done.
-    fn say(&mut self, context: &mut Context<'_>) {
+    fn say(&mut self, context: &mut Context<'_>, more_waits: bool) {
         let Place { scan_ns, sonar_ns, camera_ns, .. } = self.place;
-        let late = |stream_ns: u64| self.scans_ended_at.is_none() && scan_ns.saturating_sub(stream_ns) > MISSED_NS && !self.lockstep;
+        let late =
+            |stream_ns: u64| self.scans_ended_at.is_none() && scan_ns.saturating_sub(stream_ns) > self.missed_after_ns && !self.lockstep;
         let missing = [late(sonar_ns), self.camera.is_some() && late(camera_ns)];
-        for ((since, missing), what) in self.missed.iter_mut().zip(missing).zip(["sonar motion", "camera motion"]) {
+        // What waits may be what is missed.
+        let known = self.missed.iter_mut().zip(missing).filter(|_| !more_waits);
+        for ((since, missing), what) in known.zip(["sonar motion", "camera motion"]) {
             match (*since, missing) {
                 (None, true) => {
                     *since = Some(context.now_ns());

@@ -6,10 +6,10 @@ use settings::Pace;
 
 use crate::tuning::Tuning;
 
-/// How long past the horizon a verdict is waited for at sensor pace, ns of sensor time.
+/// How long past the horizon a verdict is waited for at sensor pace, s.
 ///
 /// FTI decides when the scan comes that passes the horizon; its answer takes milliseconds, one second covers its restart.
-const VERDICT_GRACE_NS: u64 = 1_000_000_000;
+const VERDICT_GRACE_S: f64 = 1.0;
 
 /// What the mapper works by; made from settings, so that its numbers can be meant.
 #[derive(Debug, Clone)]
@@ -90,7 +90,7 @@ impl Parameters {
         let commit = match (settings.expect_verdicts, pace) {
             (false, _) => CommitRule::Horizon { horizon_ns },
             (true, Pace::Lockstep) => CommitRule::Verdict,
-            (true, Pace::Live) => CommitRule::VerdictOrDeadline { deadline_ns: horizon_ns + VERDICT_GRACE_NS },
+            (true, Pace::Live) => CommitRule::VerdictOrDeadline { deadline_ns: horizon_ns + (VERDICT_GRACE_S * 1e9) as u64 },
         };
         let fades = Fades { occupied_m: settings.occupied_fade_m.get(), free_m: settings.free_fade_m.get() };
         Ok(Self {
@@ -108,6 +108,17 @@ impl Parameters {
             keep_unfiltered: settings.keep_unfiltered,
             lonely_below: settings.lonely_below.get() as usize,
         })
+    }
+
+    /// The same for a deployment whose FTI waits `patience_s` for its inputs, and whose clock runs `speed` times faster than the
+    /// wall's: what a restart or a busy machine delays takes so much more sensor time.
+    #[must_use]
+    pub fn waiting_for(mut self, patience_s: f64, speed: f64) -> Self {
+        if let CommitRule::VerdictOrDeadline { deadline_ns } = &mut self.commit {
+            let grace_s = (VERDICT_GRACE_S + patience_s) * speed.max(1.0);
+            *deadline_ns = deadline_ns.saturating_add(((grace_s - VERDICT_GRACE_S) * 1e9) as u64);
+        }
+        self
     }
 
     /// Edge of a cell, m.

@@ -80,7 +80,8 @@ struct Mapping {
 
 impl Mapping {
     fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, MappingError> {
-        let parameters = Parameters::new(&settings.mapping, settings.pace)?;
+        let speed = shell.membership().speed();
+        let parameters = Parameters::new(&settings.mapping, settings.pace)?.waiting_for(settings.fti.patience_s.get(), speed);
         let checkpoint = shell.checkpoint();
         let mapper = take_up(&checkpoint, parameters);
         let mut scans = shell.reader::<SonarScan>()?;

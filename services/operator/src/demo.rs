@@ -33,8 +33,13 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
     let code = drive(&settings, speed, options.open, bars)?;
     if code == 0 && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
-        output::line(&format!("ghosts     {}", conclude(&settings.out, &log)?))?;
-        output::line(&format!("           {}", settings.out.join("comparison.png").display()))?;
+        match conclude(&settings.out, &log) {
+            Ok(figures) => {
+                output::line(&format!("ghosts     {figures}"))?;
+                output::line(&format!("           {}", settings.out.join("comparison.png").display()))?;
+            }
+            Err(error) => tracing::warn!("the map cannot be judged: {error}"),
+        }
     }
     Ok(code)
 }
