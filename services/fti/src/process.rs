@@ -76,12 +76,14 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
     Ok(shell.run(&mut integration)?)
 }
 
-/// What the state includes: the last message of each stream, and the times of the last ones.
+/// What the state includes: the last message of each stream, the time of the first scan, and the times of the last
+/// messages.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Place {
     scan: u64,
     sonar: u64,
     camera: u64,
+    first_ns: u64,
     scan_ns: u64,
     sonar_ns: u64,
     camera_ns: u64,
@@ -163,6 +165,9 @@ impl Integration {
             None => return Ok(false),
             Some(Received::Message(scan)) => {
                 (self.place.scan, self.place.scan_ns) = (scan.seq(), scan.stamp_ns());
+                if self.place.first_ns == 0 {
+                    self.place.first_ns = scan.stamp_ns();
+                }
                 self.fti.take(Input::Scan { seq: scan.seq(), stamp_ns: scan.stamp_ns(), scan: &scan });
             }
             Some(Received::End { .. }) => {
@@ -255,9 +260,10 @@ impl Integration {
 
     /// Says what is missed, once when it begins and once when it is over, and what was done.
     fn say(&mut self, context: &mut Context<'_>, more_waits: bool) {
-        let Place { scan_ns, sonar_ns, camera_ns, .. } = self.place;
-        let late =
-            |stream_ns: u64| self.scans_ended_at.is_none() && scan_ns.saturating_sub(stream_ns) > self.missed_after_ns && !self.lockstep;
+        let Place { first_ns, scan_ns, sonar_ns, camera_ns, .. } = self.place;
+        let late = |stream_ns: u64| {
+            self.scans_ended_at.is_none() && scan_ns.saturating_sub(stream_ns.max(first_ns)) > self.missed_after_ns && !self.lockstep
+        };
         let missing = [late(sonar_ns), self.camera.is_some() && late(camera_ns)];
         // What waits may be what is missed.
         let known = self.missed.iter_mut().zip(missing).filter(|_| !more_waits);
