@@ -2,7 +2,8 @@
 
 use crate::alignment::Covariance;
 use crate::plane::Plane;
-use crate::samples::Sample;
+use crate::resample::BETWEEN;
+use crate::samples::{Compared, Samples, compare};
 use crate::transform::Transform;
 
 /// Sensor noise after smoothing, grey levels.
@@ -21,32 +22,28 @@ pub(crate) struct Agreement {
     pub(crate) sigma: Covariance,
 }
 
-/// Compares the samples of the current frame with a picture at T x; a sample that leaves the picture has no say.
-pub(crate) fn agreement(samples: &[Sample], reference: &Plane<f32>, gain: f32, transform: &Transform) -> Agreement {
-    let (right, bottom) = ((reference.width() - 1) as f32, (reference.height() - 1) as f32);
-    let m = transform.rows().map(|x| x as f32);
+/// Compares samples of the current frame with a picture at T x; a sample that leaves the picture has no say.
+pub(crate) fn agreement(samples: &Samples, reference: &Plane<f32>, gain: f32, transform: &Transform) -> Agreement {
+    let mut compared = Compared::default();
+    compare(samples, reference, gain, transform.rows().map(|x| x as f32), &mut compared);
     let (mut all, mut agree) = (0_u32, 0_u32);
     let mut sum = [0.0_f32; 3];
     let mut support = 0.0_f32;
-    // Every fourth one tells as much.
-    for s in samples.iter().step_by(4) {
-        let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
-        let u = (m[0] * s.u + m[1] * s.v + m[2]) * scale;
-        let v = (m[3] * s.u + m[4] * s.v + m[5]) * scale;
-        if !(u >= 0.0 && v >= 0.0 && u <= right && v <= bottom) {
+    let gradients = samples.gradient_u.iter().zip(&samples.gradient_v);
+    for ((e, inside), (gradient_u, gradient_v)) in compared.residuals.iter().zip(compared.inside()).zip(gradients) {
+        if *inside < BETWEEN {
             continue;
         }
         all += 1;
-        let e = s.value - gain * reference.bilinear_inside(u, v);
         let t = e / NOISE;
         support += 1.0 / (1.0 + t * t);
-        let squared = s.gradient_u * s.gradient_u + s.gradient_v * s.gradient_v;
+        let squared = gradient_u * gradient_u + gradient_v * gradient_v;
         if e.abs() > NOISE + SHIFT_PX * squared.sqrt() {
             continue;
         }
         agree += 1;
         let per_squared = e / squared;
-        let (du, dv) = (per_squared * s.gradient_u, per_squared * s.gradient_v);
+        let (du, dv) = (per_squared * gradient_u, per_squared * gradient_v);
         sum = [sum[0] + du * du, sum[1] + du * dv, sum[2] + dv * dv];
     }
     let [uu, uv, vv] = sum.map(|x| f64::from(x) / f64::from(agree.max(1)));

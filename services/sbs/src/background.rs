@@ -84,6 +84,43 @@ impl Estimate {
         let d = z - self.mean;
         d * d <= k * k * self.variance
     }
+
+    /// A candidate after a value that its pixel's B does not accept. Without branches: which way they go is chance.
+    #[must_use]
+    #[inline(always)]
+    pub fn fed(self, z: f32, rule: &BackgroundRule) -> Self {
+        let goes_on = (self.count > 0) & self.accepts(z, rule.k);
+        let count = self.count.saturating_add(1);
+        let gain = 1.0 / f32::from(count.min(rule.count_cap));
+        let d = z - self.mean;
+        let variance =
+            within(self.variance + gain * (d * d - self.variance), rule.sigma_min * rule.sigma_min, rule.sigma_max * rule.sigma_max);
+        let fresh = Self::new(z, rule);
+        Self {
+            mean: if goes_on { self.mean + gain * d } else { fresh.mean },
+            variance: if goes_on { variance } else { fresh.variance },
+            count: if goes_on { count } else { fresh.count },
+        }
+    }
+
+    /// Whether a candidate has seen enough to take over; `still` says that the compensated frame difference is still here.
+    #[must_use]
+    #[inline]
+    pub fn takes_over(&self, still: bool, rule: &BackgroundRule) -> bool {
+        self.count > if still { rule.takeover_still.min(rule.takeover) } else { rule.takeover }
+    }
+
+    /// A candidate that takes over. Its variance is learned already, so it is not held again.
+    #[must_use]
+    pub fn as_background(self) -> Self {
+        Self { count: VARIANCE_HELD, ..self }
+    }
+
+    /// A background that was taken over.
+    #[must_use]
+    pub fn as_candidate(self) -> Self {
+        Self { count: 0, ..self }
+    }
 }
 
 impl Pixel {
@@ -91,7 +128,7 @@ impl Pixel {
     #[must_use]
     pub fn new(z: f32, rule: &BackgroundRule) -> Self {
         let background = Estimate::new(z, rule);
-        Self { background, candidate: Estimate { count: 0, ..background } }
+        Self { background, candidate: background.as_candidate() }
     }
 
     /// Takes a value that matches B.
@@ -99,26 +136,11 @@ impl Pixel {
         self.background = self.background.updated(z, rule);
     }
 
-    /// Takes a value that does not: it feeds the candidate, which takes over after enough of them. `still` says that the
-    /// compensated frame difference is still here.
-    #[inline]
+    /// Takes a value that does not: it feeds the candidate, which takes over after enough of them.
     pub fn unmatched(&mut self, z: f32, still: bool, rule: &BackgroundRule) {
-        let c = &mut self.candidate;
-        if c.count == 0 || !c.accepts(z, rule.k) {
-            *c = Estimate::new(z, rule);
-            return;
-        }
-        c.count = c.count.saturating_add(1);
-        let gain = 1.0 / f32::from(c.count.min(rule.count_cap));
-        let d = z - c.mean;
-        c.mean += gain * d;
-        let variance = c.variance + gain * (d * d - c.variance);
-        c.variance = within(variance, rule.sigma_min * rule.sigma_min, rule.sigma_max * rule.sigma_max);
-        if c.count > if still { rule.takeover_still.min(rule.takeover) } else { rule.takeover } {
-            let old = self.background;
-            // Its variance is learned already, so it is not held again.
-            self.background = Estimate { count: VARIANCE_HELD, ..*c };
-            self.candidate = Estimate { count: 0, ..old };
+        self.candidate = self.candidate.fed(z, rule);
+        if self.candidate.takes_over(still, rule) {
+            (self.background, self.candidate) = (self.candidate.as_background(), self.background.as_candidate());
         }
     }
 }

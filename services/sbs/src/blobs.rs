@@ -4,6 +4,7 @@ use crate::components::{Component, Components, Run, runs};
 use crate::model::Model;
 use crate::morphology;
 use crate::plane::Plane;
+use crate::vectorised::vectorised;
 
 /// What is a blob.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +77,7 @@ pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &Bl
     let large: Vec<bool> = components.list.iter().map(|c| c.size as f32 >= size_min).collect();
     let inner = morphology::eroded(evidence.mask);
     let mut tallies = vec![Tally::default(); components.list.len()];
+    let mut explained = Vec::new();
     for run in components.runs.iter().filter(|r| large[r.component]) {
         let tally = &mut tallies[run.component];
         let set = |plane: &Plane<u8>| plane.row(run.row)[run.start..run.end].iter().map(|&p| u32::from(p & 1)).sum::<u32>();
@@ -84,7 +86,7 @@ pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &Bl
         tally.age = evidence.age.row(run.row)[run.start..run.end].iter().fold(tally.age, |a, &b| a.max(b));
         tally.moved += set(evidence.moved);
         tally.inner += set(&inner);
-        tally.firm += firm(run, evidence);
+        tally.firm += firm(run, evidence, &mut explained);
     }
     inherit(components, &large, evidence.age, &mut tallies);
     let passes = |k: usize| {
@@ -132,20 +134,27 @@ fn inherit(components: &Components, large: &[bool], age: &Plane<u8>, tallies: &m
     }
 }
 
-/// Pixels of a run that neither B of the pixel itself nor that of its eight neighbours explains.
-fn firm(run: &Run, evidence: &Evidence<'_>) -> u32 {
-    let (mean, variance) = (&evidence.model.background.mean, &evidence.model.background.variance);
-    let (width, height) = (mean.width(), mean.height());
-    let z = &evidence.picture.row(run.row)[run.start..run.end];
-    let k2 = evidence.k * evidence.k;
-    let rows = run.row.saturating_sub(1)..(run.row + 2).min(height);
-    let explained = |(i, z): (usize, &f32)| {
-        let u = run.start + i;
-        let columns = u.saturating_sub(1)..(u + 2).min(width);
-        rows.clone().any(|v| {
-            let near = mean.row(v)[columns.clone()].iter().zip(&variance.row(v)[columns.clone()]);
-            near.into_iter().any(|(m, variance)| (z - m) * (z - m) <= k2 * variance)
-        })
-    };
-    z.iter().enumerate().filter(|&x| !explained(x)).count() as u32
+vectorised! {
+    /// Pixels of a run that neither B of the pixel itself nor that of its eight neighbours explains. `explained` is memory for it.
+    fn firm(run: &Run, evidence: &Evidence<'_>, explained: &mut Vec<f32>) -> u32 {
+        let (mean, variance) = (&evidence.model.background.mean, &evidence.model.background.variance);
+        let (width, height) = (mean.width(), mean.height());
+        let k2 = evidence.k * evidence.k;
+        let z = &evidence.picture.row(run.row)[run.start..run.end];
+        explained.clear();
+        explained.resize(z.len(), f32::INFINITY);
+        // The least squared distance from a neighbour's B, less what that accepts.
+        for v in run.row.saturating_sub(1)..(run.row + 2).min(height) {
+            for shift in 0..3 {
+                let (skipped, first) = if run.start + shift == 0 { (1, 0) } else { (0, run.start + shift - 1) };
+                let count = (z.len() - skipped).min(width - first);
+                let near = mean.row(v)[first..first + count].iter().zip(&variance.row(v)[first..first + count]);
+                for ((e, z), (m, variance)) in explained[skipped..].iter_mut().zip(&z[skipped..]).zip(near) {
+                    let over = (z - m) * (z - m) - k2 * variance;
+                    *e = if over < *e { over } else { *e };
+                }
+            }
+        }
+        explained.iter().map(|e| u32::from(*e > 0.0)).sum()
+    }
 }

@@ -103,7 +103,7 @@ impl State {
 }
 
 fn write_scene(out: &mut Vec<u8>, scene: &Scene) {
-    numbers(out, &scene.base);
+    numbers(out, &scene.pyramid.base().image);
     gaussians(out, &scene.model.background);
     gaussians(out, &scene.model.candidate);
     out.push(u8::from(scene.model.shadow.is_some()));
@@ -158,10 +158,13 @@ fn read_scene(input: &mut Input<'_>) -> Result<(Working, Scene), CheckpointError
     let failures = input.u32()?;
     let training = if input.flag()? { Some(input.training(width, height)?) } else { None };
     let mut pyramid = Pyramid::default();
-    pyramid.rebuild(&base);
+    pyramid.rebuild(base);
     let model = Model { background, candidate, shadow };
-    let spare = Model::default();
-    Ok((working, Scene { width, height, base, pyramid, model, spare, carry, motion, foreground, age, yaw_rad, failures, training }))
+    let (spare, spare_pyramid) = (Model::default(), Pyramid::default());
+    Ok((
+        working,
+        Scene { width, height, pyramid, model, spare, spare_pyramid, carry, motion, foreground, age, yaw_rad, failures, training },
+    ))
 }
 
 fn option<const N: usize>(out: &mut Vec<u8>, value: Option<[u8; N]>) {

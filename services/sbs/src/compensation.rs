@@ -17,6 +17,9 @@ const CORNER_MAX: f64 = 0.25;
 /// An alternative must win by this much support against the simpler one before it.
 const WIN: f64 = 0.005;
 
+/// One in so many samples tells how well a transform agrees.
+pub(crate) const THINNED: usize = 2;
+
 /// T with what speaks for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Found {
@@ -46,8 +49,9 @@ pub(crate) struct Frames<'a> {
 /// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be believed.
 pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Option<Transform>, settings: &Settings) -> (Found, bool) {
     let samples = strongest(frames.current.base(), 0, frames.moving);
+    let few = samples.thinned(THINNED);
     let judge =
-        |transform: Transform| Found { transform, agreement: agreement(&samples, &frames.previous.base().image, frames.gain, &transform) };
+        |transform: Transform| Found { transform, agreement: agreement(&few, &frames.previous.base().image, frames.gain, &transform) };
     let mut best = judge(Transform::identity());
     for guess in [odometry, Some(prediction)].into_iter().flatten() {
         best = better(best, judge(guess));
@@ -74,7 +78,7 @@ fn better(simple: Found, other: Found) -> Found {
 /// The brightness of one picture over another: the median ratio of pixels that take part.
 pub(crate) fn gain(current: &Plane<f32>, reference: &Plane<f32>, moving: &Plane<u8>) -> f32 {
     // A prime stride visits all columns.
-    let stride = (current.values().len() / 2500).max(1) | 1;
+    let stride = (current.values().len() / 800).max(1) | 1;
     let ratio = |((&c, &r), &m): ((&f32, &f32), &u8)| (r > 16.0 && m == 0).then_some(c / r);
     let mut ratios: Vec<f32> =
         current.values().iter().zip(reference.values()).zip(moving.values()).step_by(stride).filter_map(ratio).collect();

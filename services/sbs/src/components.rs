@@ -90,20 +90,45 @@ pub(crate) fn runs(mask: &Plane<u8>) -> Vec<Run> {
 }
 
 fn push_runs(pixels: &[u8], row: usize, runs: &mut Vec<Run>) {
-    let mut u = 0;
-    while u < pixels.len() {
-        if pixels[u] == 0 {
-            // Most of a mask is empty: sixteen pixels at a time.
-            u += match pixels[u..].first_chunk::<16>() {
-                Some(chunk) if u128::from_ne_bytes(*chunk) == 0 => 16,
-                _ => 1,
-            };
+    let mut open = None;
+    for (n, pixels) in pixels.chunks(64).enumerate() {
+        let (set, first) = (bits(pixels), n * 64);
+        if set == 0 && open.is_none() {
             continue;
         }
-        let end = pixels[u..].iter().position(|&p| p == 0).map_or(pixels.len(), |n| u + n);
-        runs.push(Run { row, start: u, end, component: 0 });
-        u = end;
+        let mut u = 0;
+        while u < 64 {
+            // The next pixel that starts a run or is the first one after it.
+            let next = if open.is_none() { set >> u } else { !set >> u };
+            if next == 0 {
+                break;
+            }
+            u += next.trailing_zeros() as usize;
+            match open.take() {
+                None => open = Some(first + u),
+                Some(start) => runs.push(Run { row, start, end: first + u, component: 0 }),
+            }
+        }
     }
+    if let Some(start) = open {
+        runs.push(Run { row, start, end: pixels.len(), component: 0 });
+    }
+}
+
+/// Which of up to 64 pixels are not 0, the first one in the lowest bit.
+fn bits(pixels: &[u8]) -> u64 {
+    let (eights, rest) = pixels.as_chunks::<8>();
+    let mut bits = 0;
+    for (n, eight) in eights.iter().enumerate() {
+        let x = u64::from_le_bytes(*eight);
+        // The highest bit of each byte that is not 0; the product brings the eight of them together.
+        let high = (((x & 0x7f7f_7f7f_7f7f_7f7f) + 0x7f7f_7f7f_7f7f_7f7f) | x) & 0x8080_8080_8080_8080;
+        bits |= ((high >> 7).wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * n);
+    }
+    for (n, pixel) in rest.iter().enumerate() {
+        bits |= u64::from(*pixel != 0) << (8 * eights.len() + n);
+    }
+    bits
 }
 
 fn root(parent: &mut [usize], mut label: usize) -> usize {

@@ -2,11 +2,15 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
+use wide::f32x8;
+
 use crate::order;
 use crate::plane::Plane;
-use crate::pyramid::{LEVELS, Level, Pyramid};
-use crate::samples::{Sample, strongest};
+use crate::pyramid::{LEVELS, Pyramid};
+use crate::resample::BETWEEN;
+use crate::samples::{Compared, Samples, compare, strongest};
 use crate::transform::{Class, Transform};
+use crate::vectorised::vectorised;
 
 /// Most Gauss–Newton steps on each level, finest first.
 const STEPS: [usize; LEVELS] = [1, 3, 5];
@@ -20,17 +24,18 @@ pub(crate) fn estimate(
     current: &Pyramid,
     previous: &Pyramid,
     moving: &Plane<u8>,
-    base_samples: &[Sample],
+    base_samples: &Samples,
     gain: f32,
     class: Class,
     start: Transform,
 ) -> Option<Transform> {
     let mut transform = start.scaled(0.5_f64.powi(LEVELS as i32 - 1))?;
+    let mut memory = Memory::default();
     for k in (0..LEVELS).rev() {
-        let coarse = if k == 0 { Vec::new() } else { strongest(&current.levels[k], k, moving) };
-        let samples = if k == 0 { base_samples } else { &coarse[..] };
+        let coarse = (k > 0).then(|| strongest(&current.levels[k], k, moving));
+        let task = Task::new(coarse.as_ref().unwrap_or(base_samples), &previous.levels[k].image, gain, class);
         for _ in 0..STEPS[k] {
-            let Some((next, moved)) = step(samples, &previous.levels[k], gain, class, &transform) else { break };
+            let Some((next, moved)) = task.step(&transform, &mut memory) else { break };
             transform = next;
             if moved < STEP_MIN_PX {
                 break;
@@ -43,78 +48,103 @@ pub(crate) fn estimate(
     Some(transform)
 }
 
-/// One step of inverse composition: the gradient is the current frame's, so only the residual changes. Gives the new transform
-/// and how far it moved a corner of the samples' level, px.
-fn step(samples: &[Sample], previous: &Level, gain: f32, class: Class, transform: &Transform) -> Option<(Transform, f64)> {
-    let (width, height) = (previous.image.width(), previous.image.height());
-    let residuals = residuals(samples, previous, gain, transform);
-    let mut sizes: Vec<f32> = residuals.iter().step_by(4).filter(|e| e.is_finite()).map(|e| e.abs()).collect();
-    // 1.4826 turns the median absolute residual of a Gaussian into its σ; noise is never taken as below a grey level.
-    let scale = 2.5 * (1.4826 * order::select(&mut sizes, 0.5)?).max(1.0);
-    let (centre_u, centre_v, unit) = (0.5 * width as f32, 0.5 * height as f32, 2.0 / width as f32);
-    let p = match class {
-        Class::Translation => solve::<2>(samples, &residuals, scale, |s| [s.gradient_u, s.gradient_v]),
-        Class::Similarity => solve::<4>(samples, &residuals, scale, |s| {
-            let (x, y) = ((s.u - centre_u) * unit, (s.v - centre_v) * unit);
-            [s.gradient_u, s.gradient_v, s.gradient_u * x + s.gradient_v * y, s.gradient_v * x - s.gradient_u * y]
-        }),
-        Class::Affine => solve::<6>(samples, &residuals, scale, |s| {
-            let (x, y) = ((s.u - centre_u) * unit, (s.v - centre_v) * unit);
-            let (gu, gv) = (s.gradient_u, s.gradient_v);
-            [gu, gv, gu * x, gu * y, gv * x, gv * y]
-        }),
-        Class::Homography => solve::<8>(samples, &residuals, scale, |s| {
-            let (x, y) = ((s.u - centre_u) * unit, (s.v - centre_v) * unit);
-            let (gu, gv) = (s.gradient_u, s.gradient_v);
+/// What does not change from step to step on a level.
+struct Task<'a> {
+    samples: &'a Samples,
+    /// How each parameter changes the value of each sample.
+    jacobian: Vec<Vec<f32>>,
+    previous: &'a Plane<f32>,
+    gain: f32,
+    class: Class,
+}
+
+/// Memory for a step.
+#[derive(Default)]
+struct Memory {
+    compared: Compared,
+    weights: Vec<f32>,
+}
+
+impl<'a> Task<'a> {
+    fn new(samples: &'a Samples, previous: &'a Plane<f32>, gain: f32, class: Class) -> Self {
+        let mut jacobian = vec![vec![0.0; samples.value.len()]; class.parameters()];
+        let (centre_u, centre_v, unit) = frame(previous);
+        let of = samples.at.u.iter().zip(&samples.at.v).zip(samples.gradient_u.iter().zip(&samples.gradient_v));
+        for (n, ((u, v), (&gu, &gv))) in of.enumerate() {
+            let (x, y) = ((u - centre_u) * unit, (v - centre_v) * unit);
             let along = gu * x + gv * y;
-            [gu, gv, gu * x, gu * y, gv * x, gv * y, -x * along, -y * along]
-        }),
-    }?;
-    let increment = increment(class, &p, f64::from(centre_u), f64::from(centre_v), f64::from(unit))?;
-    let moved = increment.corner_motion(width, height);
-    Some((transform.after(&increment.inverse()?)?, moved))
-}
-
-/// Previous frame at T x, in the current brightness, less the current frame at x; NaN outside.
-fn residuals(samples: &[Sample], previous: &Level, gain: f32, transform: &Transform) -> Vec<f32> {
-    let m = transform.rows().map(|x| x as f32);
-    let (right, bottom) = ((previous.image.width() - 1) as f32, (previous.image.height() - 1) as f32);
-    let at = |s: &Sample| {
-        let scale = 1.0 / (m[6] * s.u + m[7] * s.v + m[8]);
-        let u = (m[0] * s.u + m[1] * s.v + m[2]) * scale;
-        let v = (m[3] * s.u + m[4] * s.v + m[5]) * scale;
-        if u >= 0.0 && v >= 0.0 && u <= right && v <= bottom { gain * previous.image.bilinear_inside(u, v) - s.value } else { f32::NAN }
-    };
-    samples.iter().map(at).collect()
-}
-
-/// The weighted normal equations of N parameters, solved; unused parameters are zero.
-fn solve<const N: usize>(
-    samples: &[Sample],
-    residuals: &[f32],
-    scale: f32,
-    jacobian: impl Fn(&Sample) -> [f32; N],
-) -> Option<SVector<f64, 8>> {
-    let mut left = [[0.0_f32; N]; N];
-    let mut right = [0.0_f32; N];
-    for (sample, &e) in samples.iter().zip(residuals) {
-        if !e.is_finite() {
-            continue;
-        }
-        let t = e / scale;
-        let weight = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
-        let j = jacobian(sample);
-        for a in 0..N {
-            let wa = weight * j[a];
-            right[a] += wa * e;
-            for b in 0..N {
-                left[a][b] += wa * j[b];
+            let row: &[f32] = match class {
+                Class::Translation => &[gu, gv],
+                Class::Similarity => &[gu, gv, along, gv * x - gu * y],
+                Class::Affine => &[gu, gv, gu * x, gu * y, gv * x, gv * y],
+                Class::Homography => &[gu, gv, gu * x, gu * y, gv * x, gv * y, -x * along, -y * along],
+            };
+            for (column, &value) in jacobian.iter_mut().zip(row) {
+                column[n] = value;
             }
         }
+        Self { samples, jacobian, previous, gain, class }
     }
-    let matrix = SMatrix::<f64, N, N>::from_fn(|a, b| f64::from(left[a][b]));
-    let solution = matrix.cholesky()?.solve(&SVector::<f64, N>::from_fn(|a, _| f64::from(right[a])));
-    Some(SVector::from_fn(|a, _| solution.as_slice().get(a).copied().unwrap_or(0.0)))
+
+    /// One step of inverse composition: the gradient is the current frame's, so only the residual changes. Gives the new transform
+    /// and how far it moved a corner of the samples' level, px.
+    fn step(&self, transform: &Transform, memory: &mut Memory) -> Option<(Transform, f64)> {
+        compare(self.samples, self.previous, self.gain, transform.rows().map(|x| x as f32), &mut memory.compared);
+        let known = memory.compared.residuals.iter().zip(memory.compared.inside()).step_by(4).filter(|(_, inside)| **inside >= BETWEEN);
+        let mut sizes: Vec<f32> = known.map(|(e, _)| e.abs()).collect();
+        // 1.4826 turns the median absolute residual of a Gaussian into its σ; noise is never taken as below a grey level.
+        let scale = 2.5 * (1.4826 * order::select(&mut sizes, 0.5)?).max(1.0);
+        weigh(scale, memory);
+        let p = self.solve(memory)?;
+        let (centre_u, centre_v, unit) = frame(self.previous);
+        let increment = increment(self.class, &p, f64::from(centre_u), f64::from(centre_v), f64::from(unit))?;
+        let moved = increment.corner_motion(self.previous.width(), self.previous.height());
+        Some((transform.after(&increment.inverse()?)?, moved))
+    }
+
+    /// The weighted normal equations, solved; unused parameters are zero.
+    fn solve(&self, memory: &Memory) -> Option<SVector<f64, 8>> {
+        let (mut left, mut right) = (SMatrix::<f64, 8, 8>::identity(), SVector::<f64, 8>::zeros());
+        for (a, column) in self.jacobian.iter().enumerate() {
+            right[a] = f64::from(sum_of_products(&memory.weights, column, &memory.compared.residuals));
+            for (b, other) in self.jacobian.iter().enumerate().take(a + 1) {
+                left[(a, b)] = f64::from(sum_of_products(&memory.weights, column, other));
+                left[(b, a)] = left[(a, b)];
+            }
+        }
+        Some(left.cholesky()?.solve(&right))
+    }
+}
+
+/// Centre of a picture and one over half its width: parameters count places in half widths from the centre.
+fn frame(picture: &Plane<f32>) -> (f32, f32, f32) {
+    (0.5 * picture.width() as f32, 0.5 * picture.height() as f32, 2.0 / picture.width() as f32)
+}
+
+vectorised! {
+    /// How much each sample counts: less with a larger residual, nothing outside the picture.
+    fn weigh(scale: f32, memory: &mut Memory) {
+        let Memory { compared, weights } = memory;
+        weights.resize(compared.residuals.len(), 0.0);
+        for ((weight, e), inside) in weights.iter_mut().zip(&compared.residuals).zip(compared.inside()) {
+            let t = *e / scale;
+            let w = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
+            *weight = if *inside >= BETWEEN { w } else { 0.0 };
+        }
+    }
+}
+
+vectorised! {
+    /// Σ a b c, eight at a time.
+    fn sum_of_products(a: &[f32], b: &[f32], c: &[f32]) -> f32 {
+        let ((a, last_a), (b, last_b), (c, last_c)) = (a.as_chunks::<8>(), b.as_chunks::<8>(), c.as_chunks::<8>());
+        let mut sums = f32x8::ZERO;
+        for ((a, b), c) in a.iter().zip(b).zip(c) {
+            sums += f32x8::new(*a) * f32x8::new(*b) * f32x8::new(*c);
+        }
+        let rest: f32 = last_a.iter().zip(last_b).zip(last_c).map(|((a, b), c)| a * b * c).sum();
+        sums.to_array().iter().sum::<f32>() + rest
+    }
 }
 
 /// The small transform of a step's parameters, which count shifts in pixels and places in half widths from the centre.

@@ -93,6 +93,7 @@ impl Field {
     }
 
     /// Adds the displacement of each pixel of row `v` to the places given.
+    #[inline(always)]
     pub fn add_row(&self, v: usize, places_u: &mut [f32], places_v: &mut [f32]) {
         let place = ((v as f32 + 0.5) / self.cell as f32 - 0.5).clamp(0.0, (self.rows - 1) as f32);
         let (upper, share) = (place as usize, place - place.floor());

@@ -17,6 +17,7 @@
 //! (`working`); all that goes out is in the camera's pixels.
 //!
 //! `process` joins it to the bus: frames in, answers out; live, a frame that waits when a newer one is there is skipped.
+//! What takes most of the time is compiled for two vector units and chosen when it runs; both give the same bytes (`vectorised`).
 //!
 //! [`y4m`] and [`score`] read sequences with truth and tell how good a mask is.
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "tests fail by panicking"))]
@@ -55,6 +56,7 @@ mod shadow;
 mod state;
 pub mod table2;
 pub mod transform;
+mod vectorised;
 mod working;
 pub mod y4m;
 

@@ -4,7 +4,9 @@ use crate::field::Field;
 use crate::motion::{Motion, Places};
 use crate::plane::Plane;
 use crate::pyramid::Level;
+use crate::resample::{BETWEEN, Grid};
 use crate::samples::GRADIENT_MIN;
+use crate::vectorised::vectorised;
 
 /// What the field is held to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,45 +50,85 @@ pub(crate) fn estimate(current: &Level, reference: &Plane<f32>, moving: &Plane<u
     motion
 }
 
-/// The equations of each cell. Of each pair of neighbours in a row the pixel with the stronger gradient takes part, if it says
-/// something: neighbours share most of what they know.
+/// The equations of each cell, from all pixels that say something.
 fn normal_equations(current: &Level, reference: &Plane<f32>, moving: &Plane<u8>, motion: &Motion, scale: f32) -> Vec<Cell> {
     let (width, height) = (reference.width(), reference.height());
-    let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
     let (edge, columns) = (motion.field.cell(), motion.field.columns());
     let mut cells = vec![Cell::default(); motion.field.cells().len()];
-    let (mut places, mut strength) = (Places::default(), vec![0.0_f32; width]);
-    let per_scale = 1.0 / scale;
+    let mut row = Row { sums: std::array::from_fn(|_| vec![0.0; width]), ..Row::default() };
     for v in 0..height {
-        let (image, row_u, row_v, out) = (current.image.row(v), current.gradient_u.row(v), current.gradient_v.row(v), moving.row(v));
-        for ((s, &gu), &gv) in strength.iter_mut().zip(row_u).zip(row_v) {
-            *s = gu * gu + gv * gv;
+        if v % 2 == 1 {
+            add_row(current, reference, moving, motion, v, 1.0 / scale, &mut row);
         }
-        motion.places(v, width, &mut places);
-        let row = &mut cells[v / edge * columns..][..columns];
-        for (pair, s) in strength.chunks_exact(2).enumerate() {
-            let u = 2 * pair + usize::from(s[1] > s[0]);
-            if s[0].max(s[1]) < GRADIENT_MIN * GRADIENT_MIN || out[u] != 0 {
-                continue;
+        if (v + 1) % edge == 0 || v + 1 == height {
+            for (k, cell) in cells[v / edge * columns..][..columns].iter_mut().enumerate() {
+                let across = k * edge..((k + 1) * edge).min(width);
+                let [uu, uv, vv, u, v] = [0, 1, 2, 3, 4].map(|n: usize| total(&row.sums[n][across.clone()]));
+                *cell = Cell { uu, uv, vv, u, v };
             }
-            let (pu, pv) = (places.u[u], places.v[u]);
-            if !(pu >= 0.0 && pv >= 0.0 && pu <= right && pv <= bottom) {
-                continue;
-            }
-            let (gu, gv) = (row_u[u], row_v[u]);
-            let e = image[u] - reference.bilinear_inside(pu, pv);
-            let t = e * per_scale;
-            let weight = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
-            let (wu, wv) = (weight * gu, weight * gv);
-            let cell = &mut row[u / edge];
-            cell.uu += wu * gu;
-            cell.uv += wu * gv;
-            cell.vv += wv * gv;
-            cell.u += wu * e;
-            cell.v += wv * e;
+            row.sums.iter_mut().for_each(|sums| sums.fill(0.0));
         }
     }
     cells
+}
+
+/// The sum of values, four at a time.
+fn total(values: &[f32]) -> f32 {
+    let (fours, rest) = values.as_chunks::<4>();
+    let [a, b, c, d] =
+        fours.iter().fold([0.0; 4], |sums, four| [sums[0] + four[0], sums[1] + four[1], sums[2] + four[2], sums[3] + four[3]]);
+    (a + c) + (b + d) + rest.iter().sum::<f32>()
+}
+
+/// What is known of a row of pixels.
+#[derive(Debug, Default)]
+struct Row {
+    places: Places,
+    grid: Grid,
+    /// The reference at the places.
+    values: Vec<f32>,
+    /// Residuals and how much they count.
+    residuals: Vec<f32>,
+    weights: Vec<f32>,
+    /// The products of each column, summed down a cell: those of [`Cell`], in its order.
+    sums: [Vec<f32>; 5],
+}
+
+vectorised! {
+    /// Compares row `v` with the reference and adds it to the sums.
+    fn add_row(current: &Level, reference: &Plane<f32>, moving: &Plane<u8>, motion: &Motion, v: usize, per_scale: f32, row: &mut Row) {
+        let width = reference.width();
+        let (image, gu, gv, moving) = (current.image.row(v), current.gradient_u.row(v), current.gradient_v.row(v), moving.row(v));
+        motion.places(v, width, &mut row.places);
+        row.grid.set(&row.places, width, reference.height());
+        row.values.resize(width, 0.0);
+        row.grid.linear(reference, &mut row.values);
+        row.residuals.resize(width, 0.0);
+        row.weights.resize(width, 0.0);
+        let out = row.residuals.iter_mut().zip(&mut row.weights);
+        let known = image.iter().zip(&row.values).zip(gu.iter().zip(gv)).zip(moving.iter().zip(row.grid.inside()));
+        for ((residual, weight), (((z, value), (gu, gv)), (moving, inside))) in out.zip(known) {
+            let usable = (gu * gu + gv * gv > GRADIENT_MIN * GRADIENT_MIN) & (*moving == 0) & (*inside >= BETWEEN);
+            let e = z - value;
+            let t = e * per_scale;
+            let w = 1.0 / ((1.0 + t * t) * (1.0 + t * t));
+            *residual = e;
+            *weight = if usable { w } else { 0.0 };
+        }
+        let all = || row.weights.iter().zip(gu).zip(gv).zip(&row.residuals);
+        let [uu, uv, vv, u, v] = &mut row.sums;
+        for ((uu, u), (((w, gu), _), e)) in uu.iter_mut().zip(u).zip(all()) {
+            *uu += w * gu * gu;
+            *u += w * gu * e;
+        }
+        for ((vv, v), (((w, _), gv), e)) in vv.iter_mut().zip(v).zip(all()) {
+            *vv += w * gv * gv;
+            *v += w * gv * e;
+        }
+        for (uv, (((w, gu), gv), _)) in uv.iter_mut().zip(all()) {
+            *uv += w * gu * gv;
+        }
+    }
 }
 
 /// The equations of a cell with its ties to neighbours, solved for them: f = base + spread × (sum of neighbours).

@@ -2,6 +2,7 @@
 
 use crate::model::SET;
 use crate::plane::Plane;
+use crate::vectorised::vectorised;
 
 /// The 3 × 3 median: set where at least five of nine are.
 pub(crate) fn median(mask: &Plane<u8>) -> Plane<u8> {
@@ -38,24 +39,26 @@ pub(crate) fn reduced(mask: &Plane<u8>, factor: usize) -> Plane<u8> {
     out
 }
 
-/// Set where at least `least` of the 3 × 3 pixels around are; border pixels repeated.
-fn neighbourhood(mask: &Plane<u8>, least: u8) -> Plane<u8> {
-    let (width, height) = (mask.width(), mask.height());
-    let mut out = Plane::filled(width, height, 0);
-    let mut column = vec![0_u8; width + 2];
-    for v in 0..height {
-        let above = mask.row(v.saturating_sub(1));
-        let here = mask.row(v);
-        let below = mask.row((v + 1).min(height - 1));
-        for (((c, &a), &h), &b) in column[1..].iter_mut().zip(above).zip(here).zip(below) {
-            *c = (a & 1) + (h & 1) + (b & 1);
+vectorised! {
+    /// Set where at least `least` of the 3 × 3 pixels around are; border pixels repeated.
+    fn neighbourhood(mask: &Plane<u8>, least: u8) -> Plane<u8> {
+        let (width, height) = (mask.width(), mask.height());
+        let mut out = Plane::filled(width, height, 0);
+        let mut column = vec![0_u8; width + 2];
+        for v in 0..height {
+            let above = mask.row(v.saturating_sub(1));
+            let here = mask.row(v);
+            let below = mask.row((v + 1).min(height - 1));
+            for (((c, &a), &h), &b) in column[1..].iter_mut().zip(above).zip(here).zip(below) {
+                *c = (a & 1) + (h & 1) + (b & 1);
+            }
+            column[0] = column[1];
+            column[width + 1] = column[width];
+            let (left, middle, right) = (&column[..width], &column[1..=width], &column[2..]);
+            for (((o, &l), &m), &r) in out.row_mut(v).iter_mut().zip(left).zip(middle).zip(right) {
+                *o = if l + m + r >= least { SET } else { 0 };
+            }
         }
-        column[0] = column[1];
-        column[width + 1] = column[width];
-        let (left, middle, right) = (&column[..width], &column[1..=width], &column[2..]);
-        for (((o, &l), &m), &r) in out.row_mut(v).iter_mut().zip(left).zip(middle).zip(right) {
-            *o = if l + m + r >= least { SET } else { 0 };
-        }
+        out
     }
-    out
 }

@@ -21,6 +21,20 @@ pub struct Places {
     pub v: Vec<f32>,
 }
 
+impl Places {
+    /// Where a transform, row by row, puts these places.
+    #[inline(always)]
+    pub(crate) fn transformed(&self, m: &[f32; 9], out: &mut Self) {
+        out.u.resize(self.u.len(), 0.0);
+        out.v.resize(self.v.len(), 0.0);
+        for ((out_u, out_v), (&u, &v)) in out.u.iter_mut().zip(&mut out.v).zip(self.u.iter().zip(&self.v)) {
+            let scale = 1.0 / (m[6] * u + m[7] * v + m[8]);
+            *out_u = (m[0] * u + m[1] * v + m[2]) * scale;
+            *out_v = (m[3] * u + m[4] * v + m[5]) * scale;
+        }
+    }
+}
+
 impl Motion {
     /// The same motion in a picture `factor` times as large; `None` when T is degenerate.
     #[must_use]
@@ -45,6 +59,7 @@ impl Motion {
     }
 
     /// The places of the pixels of row `v` of a picture of a width.
+    #[inline(always)]
     pub fn places(&self, v: usize, width: usize, places: &mut Places) {
         places.u.clear();
         places.v.clear();

@@ -65,12 +65,11 @@ impl<T: Copy> Plane<T> {
         self.data[v * self.width + u]
     }
 
-    /// Makes this a picture of a size, all of one value, in the memory that it has.
-    pub fn reset(&mut self, width: usize, height: usize, value: T) {
-        self.width = width;
-        self.height = height;
-        self.data.clear();
-        self.data.resize(width * height, value);
+    /// Makes this a picture of a size in the memory that it has. What has that size already keeps its values; new ones are as given.
+    pub fn reshape(&mut self, width: usize, height: usize, value: T) {
+        if (self.width, self.height) != (width, height) {
+            *self = Self::filled(width, height, value);
+        }
     }
 }
 

@@ -46,12 +46,13 @@ pub(crate) struct Outcome {
 pub(crate) struct Scene {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// The base picture: what motion is estimated in.
-    pub(crate) base: Plane<f32>,
+    /// Its finest level is the base picture: what motion is estimated in.
     pub(crate) pyramid: Pyramid,
     pub(crate) model: Model,
     /// Memory of the model before the last resampling, for the next one.
     pub(crate) spare: Model,
+    /// Memory of the pyramid before the last one, for the next.
+    pub(crate) spare_pyramid: Pyramid,
     /// From the last picture's frame to the model's, base px: what has not been worth a resampling yet.
     pub(crate) carry: Field,
     /// The last motion; the prediction of the next.
@@ -84,8 +85,7 @@ pub(crate) fn still_field(base_width: usize, base_height: usize) -> Field {
 /// A frame on its way through the steps.
 struct Current<'a> {
     picture: &'a Plane<f32>,
-    /// The base picture and its pyramid.
-    base: Plane<f32>,
+    /// Of the base picture.
     pyramid: Pyramid,
     /// Base pixels that take no part in motion compensation: the last foreground, dilated 5 × 5.
     moving: Plane<u8>,
@@ -94,14 +94,13 @@ struct Current<'a> {
 }
 
 impl<'a> Current<'a> {
-    fn new(picture: &'a Plane<f32>, scene: &Scene) -> Self {
+    fn new(picture: &'a Plane<f32>, scene: &mut Scene) -> Self {
         let halvings = halvings(scene.width);
-        let base = pyramid::base(picture, halvings);
-        let mut pyramid = Pyramid::default();
-        pyramid.rebuild(&base);
+        let mut pyramid = std::mem::take(&mut scene.spare_pyramid);
+        pyramid.rebuild(pyramid::base(picture, halvings));
         let moving = morphology::dilated(&morphology::dilated(&morphology::reduced(&scene.foreground, 1 << halvings)));
-        let gain = compensation::gain(&base, &scene.base, &moving);
-        Self { picture, base, pyramid, moving, gain }
+        let gain = compensation::gain(&pyramid.base().image, &scene.pyramid.base().image, &moving);
+        Self { picture, pyramid, moving, gain }
     }
 }
 
@@ -120,7 +119,7 @@ impl Scene {
         let base = pyramid::base(picture, halvings(width));
         let still = still_field(base.width(), base.height());
         let mut pyramid = Pyramid::default();
-        pyramid.rebuild(&base);
+        pyramid.rebuild(base);
         let mut model = Model::unknown(picture, &settings.background);
         model.match_values(picture, 1.0, &settings.background);
         let mut training = Training::default();
@@ -129,9 +128,9 @@ impl Scene {
             width,
             height,
             pyramid,
-            base,
             model,
             spare: Model::default(),
+            spare_pyramid: Pyramid::default(),
             carry: still.clone(),
             motion: Motion { transform: Transform::identity(), field: still },
             foreground: Plane::filled(width, height, 0),
@@ -158,7 +157,7 @@ impl Scene {
     pub(crate) fn step(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Outcome {
         let now = Current::new(picture, self);
         let frames = Frames { current: &now.pyramid, previous: &self.pyramid, moving: &now.moving, gain: now.gain };
-        let focal_px = 0.5 * now.base.width() as f64 / (0.5 * settings.field_of_view_rad).tan();
+        let focal_px = 0.5 * now.pyramid.base().image.width() as f64 / (0.5 * settings.field_of_view_rad).tan();
         let turned = self.yaw_rad.zip(yaw_rad).and_then(|(before, now)| compensation::turned(now - before, focal_px));
         let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, settings);
         if !believed {
@@ -173,15 +172,16 @@ impl Scene {
             self.keep(now);
             return Outcome { status: CameraStatus::Learning, found, blobs: Vec::new(), restarted: false };
         }
-        let (foreground, moved) = self.detect(&now, gain_model, found.agreement.sigma, settings);
+        let known = morphology::dilated(&self.mask());
+        let (foreground, moved) = self.detect(&now, gain_model, found.agreement.sigma, &known, settings);
         let first = (settings.horizon * self.height as f32).clamp(0.0, self.height as f32) as usize;
         let k = settings.background.k;
         let lit = shadow::dropped(&foreground, picture, &self.model, first, k, &settings.shadow);
         let cleaned = morphology::closed(&morphology::median(&lit));
-        let last = morphology::dilated(&morphology::dilated(&self.foreground));
-        let known = morphology::dilated(&self.mask());
-        let evidence =
-            Evidence { mask: &cleaned, last: &last, blobs: &known, age: &self.age, moved: &moved, picture, model: &self.model, k };
+        // In a base picture as large as the frame this is what took no part in motion compensation.
+        let enlarged = (halvings(self.width) > 0).then(|| morphology::dilated(&morphology::dilated(&self.foreground)));
+        let last = enlarged.as_ref().unwrap_or(&now.moving);
+        let evidence = Evidence { mask: &cleaned, last, blobs: &known, age: &self.age, moved: &moved, picture, model: &self.model, k };
         let (blobs, age) = blobs::select(&components(&cleaned), &evidence, &settings.blobs);
         self.foreground = cleaned;
         self.age = age;
@@ -191,21 +191,20 @@ impl Scene {
 
     /// The current frame becomes the previous one.
     fn keep(&mut self, now: Current<'_>) {
-        self.pyramid = now.pyramid;
-        self.base = now.base;
+        self.spare_pyramid = std::mem::replace(&mut self.pyramid, now.pyramid);
     }
 
     /// The local field on top of T, and the model carried into the current frame. Gives the frame's brightness over the model's.
     fn compensate(&mut self, now: &Current<'_>, found: &Found, settings: &Settings) -> f32 {
         let (rule, transform) = (&settings.local, found.transform);
         let model_base = pyramid::base(&self.model.background.mean, halvings(self.width));
-        let gain_model = compensation::gain(&now.base, &model_base, &now.moving);
+        let gain_model = compensation::gain(&now.pyramid.base().image, &model_base, &now.moving);
         if self.stands_still(now, found, &model_base, gain_model) {
             self.motion = Motion { transform, field: self.motion.field.times(0.0) };
             self.carry = self.carry.times(0.0);
             return gain_model;
         }
-        let reference = compensation::reference(&self.base, now.gain, &model_base, gain_model, rule.model_share);
+        let reference = compensation::reference(&self.pyramid.base().image, now.gain, &model_base, gain_model, rule.model_share);
         // The reference lies a share of the carry away from the previous frame.
         let start = Motion { transform, field: self.motion.field.times(FIELD_KEPT).plus(&self.carry, rule.model_share) };
         let to_reference = local::estimate(now.pyramid.base(), &reference, &now.moving, start, rule);
@@ -234,7 +233,7 @@ impl Scene {
         if found.transform != Transform::identity() || self.carry.rms() > CARRY_STILL_PX {
             return false;
         }
-        let samples = strongest(now.pyramid.base(), 0, &now.moving);
+        let samples = strongest(now.pyramid.base(), 0, &now.moving).thinned(compensation::THINNED);
         let with_model = agreement(&samples, model_base, gain_model, &found.transform);
         with_model.support >= found.agreement.support - SUPPORT_STILL
     }
@@ -248,20 +247,27 @@ impl Scene {
         }
     }
 
-    /// Labels every pixel and updates the model. Gives the foreground and where the compensated frame difference is not still.
-    fn detect(&mut self, now: &Current<'_>, gain_model: f32, sigma_hat: Covariance, settings: &Settings) -> (Plane<u8>, Plane<u8>) {
+    /// Labels every pixel and updates the model; `known` marks where the last blobs were. Gives the foreground and where the
+    /// compensated frame difference is not still.
+    fn detect(
+        &mut self,
+        now: &Current<'_>,
+        gain_model: f32,
+        sigma_hat: Covariance,
+        known: &Plane<u8>,
+        settings: &Settings,
+    ) -> (Plane<u8>, Plane<u8>) {
         let rule = &settings.background;
         let mut foreground = self.model.match_values(now.picture, gain_model, rule);
         let around = neighbours(sigma_hat.times(settings.beta), settings.h_bar);
         let mut moved = Plane::filled(self.width, self.height, 0_u8);
-        let slow = morphology::dilated(&self.mask());
         let halvings = halvings(self.width);
         let (mut places, mut places_of) = (Places::default(), usize::MAX);
-        let before = &self.base;
+        let (base, before) = (&now.pyramid.base().image, &self.pyramid.base().image);
         for Run { row: v, start, end, .. } in runs(&foreground) {
-            let base_v = (v >> halvings).min(now.base.height() - 1);
+            let base_v = (v >> halvings).min(base.height() - 1);
             if places_of != base_v {
-                self.motion.places(base_v, now.base.width(), &mut places);
+                self.motion.places(base_v, base.width(), &mut places);
                 places_of = base_v;
             }
             for u in start..end {
@@ -271,13 +277,11 @@ impl Scene {
                     foreground.values_mut()[at] = 0;
                     continue;
                 }
-                let base_u = (u >> halvings).min(now.base.width() - 1);
-                let difference = now.base.row(base_v)[base_u] - now.gain * before.bilinear(places.u[base_u], places.v[base_u]);
+                let base_u = (u >> halvings).min(base.width() - 1);
+                let difference = base.row(base_v)[base_u] - now.gain * before.bilinear(places.u[base_u], places.v[base_u]);
                 let still = difference.abs() < settings.still_level;
-                if !still {
-                    moved.values_mut()[at] = SET;
-                }
-                self.model.feed_candidate(at, z, still && slow.values()[at] == 0, rule);
+                moved.values_mut()[at] = if still { 0 } else { SET };
+                self.model.feed_candidate(at, z, still & (known.values()[at] == 0), rule);
             }
         }
         (foreground, moved)
