@@ -97,8 +97,8 @@ impl Settings {
         }
         let pretended = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
         let sbs = self.runs(BuiltIn::Sbs);
-        if sbs && pretended {
-            return Err(Fault::new("simulator.camera.provides", "anything but \"motion\", which the process that runs \"sbs\" tells"));
+        if sbs && self.runs(BuiltIn::Simulator) && self.simulator.camera.provides != Provides::Pictures {
+            return Err(Fault::new("simulator.camera.provides", "\"pictures\", since a process runs \"sbs\" and tells the motion in them"));
         }
         if fti && self.fti.expect_camera && !(sbs || pretended || self.runs(BuiltIn::Playback) || foreign) {
             return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));

@@ -47,6 +47,8 @@ pub enum Provides {
     Off,
     /// What background subtraction would report of the walkers, made from the truth, with the failings below.
     Motion,
+    /// Pictures of the world, for background subtraction, with the truth of every pixel.
+    Pictures,
 }
 
 /// `[simulator.camera]`: what the robot's camera gives, and how background subtraction fails where it is only pretended.

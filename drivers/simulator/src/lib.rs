@@ -27,6 +27,7 @@ mod journey;
 mod motion_feed;
 mod odometry;
 mod optics;
+mod picture_feed;
 mod process;
 pub mod quantity;
 mod robot_end;

@@ -2,7 +2,7 @@
 
 use bus::{BusError, Writer};
 use messages::CameraMotion;
-use settings::{Provides, Settings};
+use settings::Settings;
 
 use crate::blobs::{Blobs, Failings};
 use crate::optics::Optics;
@@ -21,11 +21,6 @@ pub(crate) struct MotionFeed {
 }
 
 impl MotionFeed {
-    /// Whether a deployment asks for it.
-    pub(crate) fn is_wanted(settings: &Settings) -> bool {
-        settings.simulator.camera.provides == Provides::Motion
-    }
-
     /// The frames after this time of the drive, ns.
     pub(crate) fn new(world: &World, settings: &Settings, writer: Writer<CameraMotion>, driven_ns: u64) -> Self {
         let optics = Optics::of_settings(&settings.camera);

@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError, Writer};
 use messages::{TruthScan, TruthSurfaces};
-use settings::{Settings, SettingsError};
+use settings::{Provides, Settings, SettingsError};
 
 use crate::body::Body;
 use crate::drive_state::DriveState;
 use crate::motion_feed::MotionFeed;
+use crate::picture_feed::PictureFeed;
 use crate::robot_end::RobotEnd;
 use crate::simulation::{PACKET_INTERVAL_NS, Simulation};
 use crate::terminal::Terminal;
@@ -73,9 +74,10 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
     let mut surfaces = shell.writer()?;
     publish_surfaces(&mut surfaces, &simulation)?;
     let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;
-    let camera = match MotionFeed::is_wanted(settings) {
-        true => Some(MotionFeed::new(&world, settings, shell.writer()?, driven_ns)),
-        false => None,
+    let camera = match settings.simulator.camera.provides {
+        Provides::Off => None,
+        Provides::Motion => Some(CameraFeed::Motion(MotionFeed::new(&world, settings, shell.writer()?, driven_ns))),
+        Provides::Pictures => Some(CameraFeed::Pictures(PictureFeed::new(&world, settings, &mut shell, driven_ns)?)),
     };
     let mut process = Process {
         camera,
@@ -91,6 +93,38 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
         lost_bytes: 0,
     };
     Ok(shell.run(&mut process)?)
+}
+
+/// What the robot's camera gives.
+enum CameraFeed {
+    Motion(MotionFeed),
+    Pictures(PictureFeed),
+}
+
+impl CameraFeed {
+    /// When the next frame is due, ns since the start of the drive; `None` at its end.
+    fn due_ns(&self) -> Option<u64> {
+        match self {
+            Self::Motion(feed) => feed.due_ns(),
+            Self::Pictures(feed) => feed.due_ns(),
+        }
+    }
+
+    /// Sends the next frame, of a drive that began at this time on the deployment's clock.
+    fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
+        match self {
+            Self::Motion(feed) => feed.send(start_ns),
+            Self::Pictures(feed) => feed.send(start_ns),
+        }
+    }
+
+    /// No more frames will come.
+    fn end(&mut self) -> Result<(), BusError> {
+        match self {
+            Self::Motion(feed) => feed.end(),
+            Self::Pictures(feed) => feed.end(),
+        }
+    }
 }
 
 /// How the world's time runs.
@@ -109,7 +143,7 @@ struct Process {
     robot: RobotEnd,
     terminal: Terminal,
     truth: Writer<TruthScan>,
-    camera: Option<MotionFeed>,
+    camera: Option<CameraFeed>,
     checkpoint: Checkpoint,
     state: DriveState,
     clock: WorldClock,
@@ -165,7 +199,7 @@ impl Process {
     fn drive(&mut self, now_ns: u64, start_ns: u64) -> Result<Next, StepError> {
         for _ in 0..CATCH_UP_PACKETS {
             let due_ns = start_ns + (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
-            let frame_ns = self.camera.as_ref().and_then(MotionFeed::due_ns).map_or(u64::MAX, |frame_ns| start_ns + frame_ns);
+            let frame_ns = self.camera.as_ref().and_then(CameraFeed::due_ns).map_or(u64::MAX, |frame_ns| start_ns + frame_ns);
             let next_ns = due_ns.min(frame_ns);
             if next_ns > now_ns {
                 let wait_s = (next_ns - now_ns) as f64 * 1e-9 / self.speed;

@@ -72,7 +72,7 @@ mod tests {
         let recorded = Settings::parse("demo.toml", include_str!("../../../config/demo.toml")).unwrap();
         let replay = deployment(recorded.clone(), "/logs/drive.mcap".into(), Pace::Lockstep).unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
-        assert_eq!(names, ["mapping", "fti", "std", "playback"]);
+        assert_eq!(names, ["mapping", "fti", "std", "sbs", "playback"]);
         assert!(replay.process.last().unwrap().ends_run);
         assert_eq!(replay.pace, settings::Pace::Lockstep);
         assert_eq!(replay.mapping, recorded.mapping, "the same map comes of the same settings");
