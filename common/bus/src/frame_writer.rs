@@ -1,6 +1,7 @@
 //! One output of pictures.
 
 use std::cell::Cell;
+use std::convert::Infallible;
 use std::marker::PhantomData;
 use std::rc::Rc;
 
@@ -39,6 +40,20 @@ impl<P: Pictures> FrameWriter<P> {
     /// # Errors
     /// When the picture is larger than any may be, no memory can be loaned or a reader cannot be reached.
     pub fn send_with(&mut self, seq: u64, stamp_ns: u64, layout: FrameLayout, fill: impl FnOnce(&mut [u8])) -> Result<(), BusError> {
+        self.try_send_with(seq, stamp_ns, layout, always(fill)).map(|Ok(())| ())
+    }
+
+    /// As [`FrameWriter::send_with`], unless `fill` finds that there is no picture: then nothing is sent, and why is returned.
+    ///
+    /// # Errors
+    /// As [`FrameWriter::send_with`].
+    pub fn try_send_with<E>(
+        &mut self,
+        seq: u64,
+        stamp_ns: u64,
+        layout: FrameLayout,
+        fill: impl FnOnce(&mut [u8]) -> Result<(), E>,
+    ) -> Result<Result<(), E>, BusError> {
         self.transmit(seq, stamp_ns, Kind::Data, layout, layout.bytes(), fill)
     }
 
@@ -47,7 +62,8 @@ impl<P: Pictures> FrameWriter<P> {
     /// # Errors
     /// As [`FrameWriter::send_with`].
     pub fn send(&mut self, seq: u64, stamp_ns: u64, layout: FrameLayout, bytes: &[u8]) -> Result<(), BusError> {
-        self.transmit(seq, stamp_ns, Kind::Data, layout, bytes.len(), |place| place.copy_from_slice(bytes))
+        let copy = always(|place| place.copy_from_slice(bytes));
+        self.transmit(seq, stamp_ns, Kind::Data, layout, bytes.len(), copy).map(|Ok(())| ())
     }
 
     /// Says that the stream ends after `seq`.
@@ -55,7 +71,7 @@ impl<P: Pictures> FrameWriter<P> {
     /// # Errors
     /// When no memory can be loaned or a reader cannot be reached.
     pub fn end(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
-        self.transmit(seq, stamp_ns, Kind::End, FrameLayout::default(), 0, |_| ())
+        self.transmit(seq, stamp_ns, Kind::End, FrameLayout::default(), 0, always(|_| ())).map(|Ok(())| ())
     }
 
     /// Whether anyone reads: what nobody looks at need not be made.
@@ -68,26 +84,36 @@ impl<P: Pictures> FrameWriter<P> {
         self.outlet.clone()
     }
 
-    fn transmit(
+    fn transmit<E>(
         &mut self,
         seq: u64,
         stamp_ns: u64,
         kind: Kind,
         layout: FrameLayout,
         bytes: usize,
-        fill: impl FnOnce(&mut [u8]),
-    ) -> Result<(), BusError> {
+        fill: impl FnOnce(&mut [u8]) -> Result<(), E>,
+    ) -> Result<Result<(), E>, BusError> {
         let name = P::SERVICE.name;
         let sample = self.outlet.publisher.loan_slice_uninit(bytes).map_err(|error| BusError::refused("cannot loan for", name, error))?;
         // SAFETY: the memory is that of a mapped file: every byte of it has a value, and any value is a `u8`.
         #[expect(unsafe_code, reason = "a picture is written once, straight into shared memory; zeroing it first would write it twice")]
         let mut sample = unsafe { sample.assume_init() };
-        fill(sample.payload_mut());
+        if let Err(none) = fill(sample.payload_mut()) {
+            return Ok(Err(none));
+        }
         let header = Header { run: self.run, seq, stamp_ns, kind: kind as u32, crc32: 0 };
         let crc32 = checksum(&FrameHeader { header, layout }, sample.payload());
         *sample.user_header_mut() = FrameHeaderSlot(FrameHeader { header: Header { crc32, ..header }, layout });
         sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
         self.outlet.has_sent();
+        Ok(Ok(()))
+    }
+}
+
+/// A picture that cannot fail to be one.
+fn always(fill: impl FnOnce(&mut [u8])) -> impl FnOnce(&mut [u8]) -> Result<(), Infallible> {
+    |bytes| {
+        fill(bytes);
         Ok(())
     }
 }

@@ -40,7 +40,7 @@ pub enum Event {
         /// Whose factors are used.
         settings: &'static str,
     },
-    /// The session of a process that died has been taken up.
+    /// A session that was cut off, by the death of a process or a pulled adapter, has been taken up.
     Resumed {
         /// The factors in use.
         model: &'static Model,

@@ -11,6 +11,7 @@
 //! | [`Odometry`] | counters that wrap around to a pose that never jumps |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
 //! | [`recording`] | decodes what somebody has recorded |
+//! | [`probe`] | asks who is on a port |
 //!
 //! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
@@ -23,6 +24,7 @@ mod exchange;
 mod odometry;
 mod parameters;
 mod port;
+mod probe;
 mod process;
 mod readings;
 pub mod recording;
@@ -36,6 +38,7 @@ pub use event::Event;
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
 pub use parameters::Parameters;
+pub use probe::{Answer, ProbeError, probe};
 pub use process::{PioneerError, run};
 pub use readings::{Readings, readings};
 pub use scanner::{Refusals, Scanner};

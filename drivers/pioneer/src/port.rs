@@ -80,6 +80,22 @@ impl Port {
     }
 }
 
+/// Why a port cannot be opened or set, in words that say what to do.
+pub(crate) fn words(error: &serialport::Error) -> String {
+    use serialport::ErrorKind::{Io, NoDevice, Unknown};
+    match error.kind() {
+        Io(io::ErrorKind::NotFound) => "no such device: is the adapter plugged in? `ls /dev/serial/by-id` shows what there is".to_owned(),
+        Io(io::ErrorKind::PermissionDenied) => "permission denied: is this user in the group that may use it (dialout)?".to_owned(),
+        NoDevice => "in use by another program".to_owned(),
+        Unknown
+            if ["Not a typewriter", "Inappropriate ioctl for device", "Is a directory"].iter().any(|&said| error.description == said) =>
+        {
+            "not a serial port".to_owned()
+        }
+        _ => error.to_string(),
+    }
+}
+
 fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted)
 }

@@ -12,7 +12,7 @@ use crate::checkpoint::Checkpoint;
 use crate::command::Command;
 use crate::exchange::{Input, Output};
 use crate::parameters::Parameters;
-use crate::port::Port;
+use crate::port::{Port, words};
 use crate::session::Session;
 
 /// Name of the simulator's pseudo-terminal in the domain's folder.
@@ -151,12 +151,7 @@ impl Process {
     }
 
     fn say_trouble(&mut self, error: &serialport::Error) {
-        let advice = match error.kind() {
-            serialport::ErrorKind::Io(std::io::ErrorKind::PermissionDenied) => ": is this user in the group that may use it (dialout)?",
-            serialport::ErrorKind::NoDevice => ": another program has it",
-            _ => "",
-        };
-        let trouble = format!("cannot open {}: {error}{advice}", self.path.display());
+        let trouble = format!("{}: {}", self.path.display(), words(error));
         if self.trouble.as_ref() != Some(&trouble) {
             match self.simulated {
                 true => tracing::debug!("{trouble}; still trying"),

@@ -4,7 +4,7 @@
 //!            echo of SYNC0, SYNC1, SYNC2: OPEN
 //!  Syncing ------------------------------------> Open -- silence, restart --> Syncing
 //!     |  ^                                        ^
-//!     |  | 400 ms                                 | status packets of a session that a checkpoint knows
+//!     |  | 400 ms                                 | status packets of a session that was cut off a moment ago
 //!     v  |                                        |
 //!  Closing <-- status packets: left open ---------+
 //! ```
@@ -34,6 +34,10 @@ const SONARS_SILENT_NS: u64 = 2_000_000_000;
 
 /// A silence of more than three cycles: packets were lost.
 const GAP_NS: u64 = 350_000_000;
+
+/// How long after an adapter was pulled out the robot's counters still tell where it went: over this time they unwind a robot that
+/// drove on as well as one that stopped at once (`odometry`).
+const RESUMABLE_NS: u64 = 4_000_000_000;
 
 /// More damaged packets in a row than noise makes: the limits are too low for this robot.
 const MANY_REFUSED: u32 = 10;
@@ -75,8 +79,9 @@ pub struct Session {
     arrivals: Arrivals,
     scanner: Scanner,
     seq: u64,
-    /// The session of an earlier process, as long as the robot may still be in it.
-    resumable: Option<Checkpoint>,
+    /// The robot may still be in a session that was cut off, of an earlier process or before its adapter was pulled out: until this
+    /// time its status packets are taken for that session's.
+    resumable_until_ns: Option<u64>,
     /// Place of the baud rate in the parameters' list.
     baud: usize,
     tries_after_echo: u32,
@@ -105,7 +110,8 @@ impl Session {
             arrivals: Arrivals::after(checkpoint.map_or(0, |kept| kept.stamp_ns)),
             scanner: Scanner::new(&parameters, model, track),
             seq: checkpoint.map_or(0, |kept| kept.seq),
-            resumable: checkpoint.filter(|_| baud.is_some()),
+            // A process is back at once, whatever the clock of a fast simulation says.
+            resumable_until_ns: baud.map(|_| u64::MAX),
             baud: baud.unwrap_or(0),
             tries_after_echo: 0,
             rounds: 0,
@@ -203,10 +209,7 @@ impl Session {
             }
             Input::Bytes(bytes) => self.receive(bytes, now_ns, &mut out),
             Input::Tick => self.tick(now_ns, &mut out),
-            Input::Vanished => {
-                self.disconnected();
-                self.state = State::Absent;
-            }
+            Input::Vanished => self.vanished(),
             Input::Stop => {
                 if self.state != State::Absent {
                     out.push(Output::Send(Command::Close));
@@ -239,15 +242,15 @@ impl Session {
             return;
         };
         match self.state {
-            State::Syncing { .. } => match self.resumable.take() {
-                Some(kept) => {
+            State::Syncing { .. } => match self.resumable_until_ns.take() {
+                Some(until_ns) if now_ns <= until_ns => {
                     self.scanner.mark_gap();
                     self.connections += 1;
-                    out.push(Output::Event(Event::Resumed { model: kept.model(), baud: kept.baud }));
+                    out.push(Output::Event(Event::Resumed { model: self.scanner.model(), baud: self.baud() }));
                     self.state = State::Open(self.opened(now_ns));
                     self.publish(&sip, stamp_ns, now_ns, out);
                 }
-                None => {
+                _ => {
                     self.closings += 1;
                     if self.closings.is_power_of_two() {
                         out.push(Output::Event(Event::AlreadyOpen { closings: self.closings }));
@@ -390,9 +393,21 @@ impl Session {
         }
     }
 
+    /// The port is gone. The robot knows nothing of it: it stays open and counts on.
+    fn vanished(&mut self) {
+        match self.state {
+            State::Open(Open { heard: true, .. }) => {
+                self.resumable_until_ns = Some(self.scanner.track().stamp_ns.saturating_add(RESUMABLE_NS));
+            }
+            State::Syncing { .. } if self.resumable_until_ns.is_some() => {}
+            _ => self.disconnected(),
+        }
+        self.state = State::Absent;
+    }
+
     /// What was known of the robot's counters holds no longer.
     fn disconnected(&mut self) {
-        self.resumable = None;
+        self.resumable_until_ns = None;
         self.scanner.link_was_down();
     }
 

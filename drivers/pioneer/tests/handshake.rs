@@ -157,19 +157,54 @@ fn packets_that_vanish_without_a_trace_are_a_gap_too() {
 }
 
 #[test]
-fn a_pulled_cable_is_a_new_handshake_and_a_marked_gap() {
+fn an_adapter_back_within_seconds_costs_a_marked_gap_and_the_pose_is_where_the_robot_went() {
+    for m_per_cycle in [0.0, 0.03] {
+        let mut drive = Drive::new(Robot::pioneer_1());
+        drive.run(5 * S);
+        let before = drive.scans.len();
+        drive.robot.m_per_cycle = m_per_cycle;
+        drive.plugged = false;
+        drive.run(3 * S);
+        assert_eq!(drive.session.note("/dev/pioneer"), "waiting for /dev/pioneer");
+        assert_eq!(drive.session.due_ns(), None);
+        drive.plugged = true;
+        drive.run(5 * S);
+        assert!(matches!(drive.events[..], [_, Event::Resumed { baud: 9600, .. }]), "{:?}", drive.events);
+        assert_eq!(drive.scans[before].scan.after_gap, 1);
+        let driven_m = drive.pose_x_m();
+        let expected_m = 0.03 * (before - 1) as f64 + m_per_cycle * 80.0;
+        assert!((driven_m - expected_m).abs() < 0.035, "{driven_m} of {expected_m} m");
+        drive.check_stream();
+    }
+}
+
+#[test]
+fn an_adapter_away_for_longer_is_a_new_handshake_and_the_pose_stays() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(5 * S);
     let (before, pose) = (drive.scans.len(), drive.pose_x_m());
     drive.plugged = false;
-    drive.run(3 * S);
-    assert_eq!(drive.session.note("/dev/pioneer"), "waiting for /dev/pioneer");
-    assert_eq!(drive.session.due_ns(), None);
+    drive.run(5 * S);
     drive.plugged = true;
     drive.run(5 * S);
     // The robot was still open: it is closed first.
     assert!(drive.events.contains(&Event::AlreadyOpen { closings: 1 }));
     assert_eq!(connected(&drive), 2);
+    assert_eq!((drive.scans[before].scan.after_gap, drive.scans[before].scan.pose.x_m), (1, pose));
+    drive.check_stream();
+}
+
+#[test]
+fn a_robot_switched_off_and_on_while_its_adapter_was_out_starts_its_counters_anew() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.run(5 * S);
+    let (before, pose) = (drive.scans.len(), drive.pose_x_m());
+    drive.plugged = false;
+    drive.run(S);
+    drive.robot = Robot { next_sip_ns: drive.now_ns, ..Robot::pioneer_1() };
+    drive.plugged = true;
+    drive.run(5 * S);
+    assert_eq!(connected(&drive), 2, "{:?}", drive.events);
     assert_eq!((drive.scans[before].scan.after_gap, drive.scans[before].scan.pose.x_m), (1, pose));
     drive.check_stream();
 }

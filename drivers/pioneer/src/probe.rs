@@ -1,0 +1,231 @@
+//! Who answers on a serial port: the driver's own session, listened to for a few seconds, then closed.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use psos::{Identity, Model};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::event::Event;
+use crate::exchange::{Input, Output};
+use crate::parameters::Parameters;
+use crate::port::{Port, words};
+use crate::session::Session;
+
+/// How long a robot that answers is listened to, ns: sixteen sonars fire more than three times.
+const LISTEN_NS: u64 = 2_500_000_000;
+
+/// Longest that a probe takes, ns: a robot left open is closed first, and every baud rate has its turn.
+const PATIENCE_NS: u64 = 20_000_000_000;
+
+/// What answered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    /// Who the robot says it is.
+    pub identity: Identity,
+    /// Its factors, if it is of a model that is known here.
+    pub model: Option<&'static Model>,
+    /// The baud rate.
+    pub baud: u32,
+    /// Its sonars, all that it has.
+    pub sonars: usize,
+    /// The numbers of those that fired.
+    pub fired: BTreeSet<u32>,
+    /// Status packets that came.
+    pub packets: u64,
+    /// Packets and bytes that came damaged.
+    pub damaged: u64,
+    /// What the session has to say about the link.
+    pub note: String,
+}
+
+/// Why nothing that can be used answers.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ProbeError {
+    /// The port cannot be opened, or went away.
+    #[error("{port}: {why}")]
+    Port {
+        /// The port.
+        port: String,
+        /// Why, in words.
+        why: String,
+    },
+    /// Not a byte came.
+    #[error("{port}: silence at {bauds} baud: is the robot switched on, its cable connected, and this the right port?")]
+    Silent {
+        /// The port.
+        port: String,
+        /// The baud rates tried.
+        bauds: String,
+    },
+    /// Bytes came that no Pioneer says.
+    #[error("{port}: what answers is not a Pioneer ({bytes} bytes at {bauds} baud, no answer to its handshake): is this the right port?")]
+    NoRobot {
+        /// The port.
+        port: String,
+        /// The baud rates tried.
+        bauds: String,
+        /// Bytes that came.
+        bytes: u64,
+    },
+    /// A robot answered the handshake and then sent nothing.
+    #[error("{port}: {name} answers at {baud} baud, but sends no status packets: switch it off and on")]
+    NoPackets {
+        /// The port.
+        port: String,
+        /// What the robot calls itself.
+        name: String,
+        /// The baud rate.
+        baud: u32,
+    },
+}
+
+/// What the session's outputs tell so far.
+#[derive(Debug, Default)]
+struct Findings {
+    bytes: u64,
+    identity: Option<(Identity, u32)>,
+    connected_ns: u64,
+    fired: BTreeSet<u32>,
+    packets: u64,
+    gave_up: bool,
+}
+
+/// Asks who is on a port. The robot is not moved, and closed at the end.
+///
+/// # Errors
+/// When nothing that can be used answers, and why.
+pub fn probe(port: &Path, parameters: &Parameters) -> Result<Answer, ProbeError> {
+    let name = port.display().to_string();
+    let lost = |why: String| ProbeError::Port { port: name.clone(), why };
+    let mut session = Session::new(parameters.clone(), None);
+    let mut line = Port::open(port, session.baud()).map_err(|error| lost(words(&error)))?;
+    let started = Instant::now();
+    // The session takes no stamp for a real one that is not after the last.
+    let now_ns = || 1 + started.elapsed().as_nanos() as u64;
+    let mut findings = Findings::default();
+    let mut input = Input::Opened;
+    let mut bytes = [0; 4096];
+    let mut count;
+    while !findings.are_complete(now_ns()) {
+        for output in session.step(input, now_ns()) {
+            findings.take(&output, now_ns());
+            act(&output, &mut line).map_err(lost)?;
+        }
+        wait(&line, session.due_ns().unwrap_or(u64::MAX).saturating_sub(now_ns()));
+        count = line.read(&mut bytes).map_err(|error| lost(error.to_string()))?;
+        findings.bytes += count as u64;
+        input = if count > 0 { Input::Bytes(&bytes[..count]) } else { Input::Tick };
+    }
+    let note = session.note(&name);
+    for output in session.step(Input::Stop, now_ns()) {
+        act(&output, &mut line).map_err(lost)?;
+    }
+    let damaged = session.link().bad_checksums + session.link().skipped_bytes;
+    findings.answer(name, parameters, damaged, note)
+}
+
+/// Does what the session wants with the line. A device that refuses a setting may still carry bytes.
+fn act(output: &Output, line: &mut Port) -> Result<(), String> {
+    match output {
+        Output::Send(command) => line.send(&command.packet()).map(drop).map_err(|error| error.to_string()),
+        Output::Baud(baud) => line.set_baud(*baud).map_err(|error| words(&error)),
+        Output::Flush => line.flush().map_err(|error| words(&error)),
+        Output::Reopen | Output::Publish(_) | Output::Event(_) => Ok(()),
+    }
+}
+
+fn wait(line: &Port, for_ns: u64) {
+    let patience = Duration::from_nanos(for_ns).clamp(Duration::from_millis(1), Duration::from_millis(100));
+    let patience = Timespec { tv_sec: 0, tv_nsec: patience.subsec_nanos().into() };
+    // An interrupted wait is a short one.
+    let _ = poll(&mut [PollFd::from_borrowed_fd(line.descriptor(), PollFlags::IN)], Some(&patience));
+}
+
+impl Findings {
+    fn take(&mut self, output: &Output, now_ns: u64) {
+        match output {
+            Output::Event(Event::Connected { identity, baud, .. }) => {
+                self.identity = Some((identity.clone(), *baud));
+                self.connected_ns = now_ns;
+            }
+            Output::Event(Event::NoAnswer { .. }) => self.gave_up = true,
+            Output::Publish(kept) => {
+                self.packets += 1;
+                self.fired.extend(kept.scan.readings().iter().map(|reading| reading.sonar));
+            }
+            _ => {}
+        }
+    }
+
+    fn are_complete(&self, now_ns: u64) -> bool {
+        let heard = self.identity.is_some() && now_ns.saturating_sub(self.connected_ns) >= LISTEN_NS;
+        heard || self.gave_up || now_ns >= PATIENCE_NS
+    }
+
+    fn answer(self, port: String, parameters: &Parameters, damaged: u64, note: String) -> Result<Answer, ProbeError> {
+        let bauds = || parameters.bauds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        match self.identity {
+            None if self.bytes == 0 => Err(ProbeError::Silent { port, bauds: bauds() }),
+            None => Err(ProbeError::NoRobot { port, bauds: bauds(), bytes: self.bytes }),
+            Some((identity, baud)) if self.packets == 0 => Err(ProbeError::NoPackets { port, name: identity.name, baud }),
+            Some((identity, baud)) => {
+                let model = Model::of(&identity);
+                let sonars = parameters.ring_of(model.unwrap_or(parameters.model)).len();
+                Ok(Answer { identity, model, baud, sonars, fired: self.fired, packets: self.packets, damaged, note })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parameters() -> Parameters {
+        Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0)
+    }
+
+    fn answer(findings: Findings) -> Result<Answer, ProbeError> {
+        findings.answer("/dev/x".to_owned(), &parameters(), 0, String::new())
+    }
+
+    fn connected(subclass: &str) -> Findings {
+        let identity = Identity { name: "Amigo".to_owned(), class: "Pioneer".to_owned(), subclass: subclass.to_owned() };
+        Findings { bytes: 40, identity: Some((identity, 9600)), ..Findings::default() }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_apart() {
+        let silent = answer(Findings::default()).unwrap_err().to_string();
+        assert_eq!(
+            silent,
+            "/dev/x: silence at 9600, 38400, 19200, 115200, 57600 baud: is the robot switched on, its cable connected, and this the \
+             right port?"
+        );
+        let stranger = answer(Findings { bytes: 12, ..Findings::default() }).unwrap_err().to_string();
+        assert!(stranger.starts_with("/dev/x: what answers is not a Pioneer (12 bytes at"), "{stranger}");
+        let mute = answer(connected("pion1m")).unwrap_err().to_string();
+        assert_eq!(mute, "/dev/x: Amigo answers at 9600 baud, but sends no status packets: switch it off and on");
+    }
+
+    #[test]
+    fn a_robot_is_told_with_its_sonars() {
+        let known = answer(Findings { packets: 9, fired: [0, 3].into(), ..connected("pion1m") }).unwrap();
+        assert_eq!((known.model.map(|model| model.name), known.sonars), (Some("pioneer-1"), 7));
+        let unknown = answer(Findings { packets: 9, ..connected("wheelbarrow") }).unwrap();
+        assert_eq!((unknown.model, unknown.sonars), (None, 7));
+    }
+
+    #[test]
+    fn a_port_that_cannot_be_opened_is_told_in_one_line() {
+        let told = |path: &str| probe(Path::new(path), &parameters()).unwrap_err().to_string();
+        assert_eq!(
+            told("/dev/no-such-port"),
+            "/dev/no-such-port: no such device: is the adapter plugged in? `ls /dev/serial/by-id` shows what there is"
+        );
+        assert_eq!(told("/dev/null"), "/dev/null: not a serial port");
+        assert_eq!(told("/"), "/: not a serial port");
+    }
+}
