@@ -47,6 +47,18 @@ impl Number for u32 {
     }
 }
 
+impl Number for i32 {
+    const WORD: &'static str = "a whole number, ";
+
+    fn from_f64(_: f64) -> Option<Self> {
+        None
+    }
+
+    fn from_i64(number: i64) -> Option<Self> {
+        Self::try_from(number).ok()
+    }
+}
+
 /// A newtype of [`bounded!`] or [`one_of!`]: what its visitor needs.
 pub(crate) trait Bounded: Sized {
     type Number: Number;

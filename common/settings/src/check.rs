@@ -76,8 +76,12 @@ impl Settings {
         if self.runs(BuiltIn::Pioneer) && self.pioneer.port == Port::Simulator && !self.runs(BuiltIn::Simulator) {
             return Err(Fault::new("pioneer.port", "the path of a serial device, or else a process with run = \"simulator\""));
         }
-        if self.pace == Pace::Lockstep && (self.runs(BuiltIn::Pioneer) || self.runs(BuiltIn::Simulator)) {
+        let live = [BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Camera];
+        if self.pace == Pace::Lockstep && live.into_iter().any(|kind| self.runs(kind)) {
             return Err(Fault::new("pace", "\"live\", for a robot waits for nobody"));
+        }
+        if self.runs(BuiltIn::Camera) && self.runs(BuiltIn::Playback) {
+            return Err(Fault::new("process", "one source of pictures, either \"camera\" or \"playback\""));
         }
         Ok(())
     }

@@ -54,7 +54,10 @@ pub use background_subtraction::{
     BlobArea, Compensation, CovarianceFactor, Deviations, Freedom, RegionBound, Sbs, Takeover, TrainingFrames,
 };
 pub use bounded::OutOfRange;
-pub use camera::{Camera, CameraHeight, FieldOfView, FrameRate, HorizonShare, PictureHeight, PictureWidth};
+pub use camera::{
+    Camera, CameraControl, CameraFormat, CameraGain, CameraHeight, CameraInput, ControlValue, Exposure, FieldOfView, FrameRate,
+    HorizonShare, PictureHeight, PictureWidth, WhiteBalance,
+};
 pub use check::{MAX_PROCESSES, MAX_SONARS};
 pub use deployment::{Pace, Settings};
 pub use document::{MAX_BYTES, parse, parse_checked, read_text};

@@ -21,6 +21,8 @@ pub enum BuiltIn {
     Fti,
     /// The driver of a Pioneer.
     Pioneer,
+    /// The driver of a camera.
+    Camera,
     /// A simulated world with its robot.
     Simulator,
     /// A log in place of the robot.
@@ -84,6 +86,7 @@ impl BuiltIn {
             Self::Sbs => "sbs",
             Self::Fti => "fti",
             Self::Pioneer => "pioneer",
+            Self::Camera => "camera",
             Self::Simulator => "simulator",
             Self::Playback => "playback",
             Self::Viewer => "viewer",

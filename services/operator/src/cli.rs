@@ -63,6 +63,12 @@ pub(crate) enum Command {
         #[command(flatten)]
         which: Which,
     },
+    /// Looks at the cameras of this computer
+    #[command(subcommand)]
+    Camera(CameraCommand),
+    /// Looks at a robot on a serial port
+    #[command(subcommand)]
+    Pioneer(PioneerCommand),
     /// Tells how good results are, against the truth
     Evaluate(EvaluateOptions),
     /// Looks at, repairs or imports logs
@@ -176,6 +182,44 @@ pub(crate) enum Rule {
 }
 
 #[derive(Debug, Subcommand)]
+pub(crate) enum CameraCommand {
+    /// Tells which cameras there are, and what formats, sizes and controls they have
+    List {
+        /// Only this one
+        #[arg(value_name = "DEVICE")]
+        device: Option<PathBuf>,
+        /// Selects one of its inputs first, counted from 0
+        #[arg(long, value_name = "N", requires = "device")]
+        input: Option<u32>,
+    },
+    /// Takes a picture
+    Snapshot {
+        /// The camera, such as /dev/video0
+        #[arg(value_name = "DEVICE")]
+        device: PathBuf,
+        /// The picture's file
+        #[arg(long, value_name = "FILE.png")]
+        out: PathBuf,
+        /// Its size
+        #[arg(long, value_name = "WxH", default_value = "160x120", value_parser = size)]
+        size: (u32, u32),
+        /// One of the camera's inputs, counted from 0; the one that is selected when not given
+        #[arg(long, value_name = "N")]
+        input: Option<u32>,
+    },
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum PioneerCommand {
+    /// Tells what answers on a port: who, at which speed, which sonars fire. Nothing moves
+    Probe {
+        /// The port, such as /dev/ttyUSB0
+        #[arg(value_name = "PORT")]
+        port: PathBuf,
+    },
+}
+
+#[derive(Debug, Subcommand)]
 pub(crate) enum EvaluateCommand {
     /// Scores what moves in a camera's pictures: finds it and compares it with the truth, pixel by pixel
     Camera(CameraOptions),
@@ -285,6 +329,12 @@ pub(crate) enum ImportFormat {
     Robond,
 }
 
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let numbers = text.split_once('x').and_then(|(width, height)| width.parse().ok().zip(height.parse().ok()));
+    let sound = |&(width, height): &(u32, u32)| (1..=8192).contains(&width) && (1..=8192).contains(&height);
+    numbers.filter(sound).ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 160x120".to_owned())
+}
+
 fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(speed) if (0.01..=100.0).contains(&speed) => Ok(speed),
@@ -314,6 +364,14 @@ mod tests {
     #[test]
     fn the_command_line_is_sound() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_size_is_two_numbers_of_pixels() {
+        assert_eq!(size("160x120"), Ok((160, 120)));
+        for wrong in ["", "160", "160x", "x120", "0x120", "160x9000", "160×120", "-1x2", "160x120x3"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

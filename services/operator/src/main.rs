@@ -1,6 +1,7 @@
 //! The `stillmap` command.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod camera;
 mod check;
 mod cli;
 mod demo;
@@ -12,6 +13,7 @@ mod logging;
 mod map;
 mod output;
 mod page;
+mod pioneer;
 mod process;
 mod progress;
 mod replay;
@@ -50,6 +52,8 @@ fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
         Command::Replay { log, pace, options } => replay::replay(&log, pace, &options, bars),
         Command::Status { json, which } => status::status(json, &which),
         Command::Map { out, which } => map::map(&out, &which),
+        Command::Camera(command) => camera::camera(&command),
+        Command::Pioneer(command) => pioneer::pioneer(&command),
         Command::Evaluate(command) => evaluate::evaluate(&command, bars),
         Command::Log(command) => log::log(&command),
         Command::Check { settings: Some(settings), .. } => check::check(&settings),

@@ -20,7 +20,8 @@ fn plan(process: &Process, pace: Pace) -> Plan {
         Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Sbs | BuiltIn::Fti | BuiltIn::Viewer) => {
             (Role::Consumer, false)
         }
-        Program::Command(_) => (Role::Source, false),
+        // Without its pictures the sonars go on.
+        Program::BuiltIn(BuiltIn::Camera) | Program::Command(_) => (Role::Source, false),
     };
     let essential = brings_scans || (pace == Pace::Lockstep && !process.runs(BuiltIn::Viewer));
     Plan { name: process.name.as_str().to_owned(), role, ends_run: process.ends_run, essential }

@@ -1,0 +1,38 @@
+//! Driver of a V4L2 camera: its pictures in luminance, and what is wrong with it in words.
+//!
+//! | part | does |
+//! | --- | --- |
+//! | [`Session`] | what to do next: open, start again, close; waits out every fault |
+//! | [`Held`] | which controls to set for what a person asks for |
+//! | [`Shape`] | from a device's bytes to luminance, in one pass |
+//! | [`Camera`], [`Device`], [`Stream`] | the device itself, through the kernel's calls (`abi`) |
+//! | [`offer`], [`snapshot`] | what a person asks about a camera before the first drive |
+//!
+//! The first three open no device and read no clock.
+//!
+//! *Lost*: the device counted a picture that it did not give. *Damaged*: it gave one that is none. *Stalled*: it gives none though
+//! nothing is known to be wrong.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
+
+mod abi;
+mod coding;
+mod controls;
+mod device;
+mod list;
+mod process;
+mod session;
+mod snapshot;
+mod stream;
+mod trouble;
+mod wish;
+
+pub use coding::{Coding, Damage, FourCc, Shape};
+pub use controls::{ControlInfo, ControlSetting, ControlTrouble, Held};
+pub use device::{Device, Identity};
+pub use list::{Offer, OfferedFormat, devices, offer};
+pub use process::{CameraError, run};
+pub use session::{Counters, Event, Input, Limits, Output, Place, Session};
+pub use snapshot::{Snapshot, SnapshotError, snapshot};
+pub use stream::{About, Frame, Stream};
+pub use trouble::Trouble;
+pub use wish::{Camera, Given, Wish};

@@ -1,0 +1,230 @@
+//! The driver as a process: a session between a camera and the bus.
+
+use std::os::fd::{AsFd, BorrowedFd};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bus::{BusError, Checkpoint, Context, FrameWriter, Next, RunError, Shell, StepError};
+use messages::{CameraFrame, FrameLayout, PixelFormat};
+use rustix::time::{ClockId, clock_gettime};
+use settings::{CameraFormat, Settings};
+
+use crate::coding::{Coding, Damage};
+use crate::controls::Held;
+use crate::session::{Event, Input, Limits, Output, Place, Session};
+use crate::trouble::Trouble;
+use crate::wish::{Camera, Given, Wish};
+
+/// Most pictures taken in one step: as many as the device has buffers.
+const MOST_AT_ONCE: usize = 4;
+
+/// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
+const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+
+/// Why the driver ended that should not have. No state of the camera is among it: those are waited for.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    /// The bus failed.
+    #[error("{0}")]
+    Bus(#[from] BusError),
+    /// The process failed at its work.
+    #[error("{0}")]
+    Run(#[from] RunError),
+}
+
+impl Wish {
+    /// What the settings ask of the camera.
+    #[must_use]
+    pub fn of_settings(settings: &settings::Camera) -> Self {
+        let codings = match settings.format {
+            CameraFormat::Any => Coding::ALL.to_vec(),
+            CameraFormat::Grey => vec![Coding::Grey],
+            CameraFormat::Yuyv => vec![Coding::Yuyv],
+            CameraFormat::Mjpg => vec![Coding::Mjpg],
+        };
+        let held = Held {
+            exposure_us: settings.exposure_us.map(|exposure| exposure.get()),
+            gain: settings.gain.map(|gain| gain.get()),
+            white_balance_k: settings.white_balance_k.map(|kelvin| kelvin.get()),
+            others: settings.control.iter().map(|control| (control.name.clone(), control.value.get())).collect(),
+        };
+        let size = (settings.width.get(), settings.height.get());
+        Self { size, rate_hz: settings.rate_hz.get(), codings, input: settings.input.map(|input| input.get()), held }
+    }
+}
+
+/// Runs the driver until it is told to stop.
+///
+/// # Errors
+/// When the bus fails.
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
+    let speed = shell.membership().speed();
+    let checkpoint = shell.checkpoint();
+    let limits = Limits::new(settings.camera.rate_hz.get(), speed);
+    let mut process = Process {
+        path: settings.camera.device.clone(),
+        wish: Wish::of_settings(&settings.camera),
+        camera: None,
+        given: None,
+        session: Session::new(limits, speed, load(&checkpoint)),
+        frames: shell.frame_writer()?,
+        checkpoint,
+        unsaved: false,
+        speed,
+    };
+    Ok(shell.run(&mut process)?)
+}
+
+/// The last picture that an earlier process of this run published. Damage is said; numbers then start anew.
+fn load(checkpoint: &Checkpoint) -> Place {
+    match checkpoint.load() {
+        Ok(bytes) => bytes.as_deref().and_then(Place::from_bytes).unwrap_or_default(),
+        Err(error) => {
+            tracing::warn!("{error}");
+            Place::default()
+        }
+    }
+}
+
+struct Process {
+    path: PathBuf,
+    wish: Wish,
+    camera: Option<Camera>,
+    /// What the camera gave when it was last opened.
+    given: Option<Given>,
+    session: Session,
+    frames: FrameWriter<CameraFrame>,
+    checkpoint: Checkpoint,
+    /// The last place could not be saved, which has been said.
+    unsaved: bool,
+    speed: f64,
+}
+
+impl bus::Process for Process {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        let more = self.take_pictures(context)?;
+        if context.stopping() {
+            let Place { seq, stamp_ns } = self.session.last();
+            self.frames.end(seq, stamp_ns)?;
+            self.report(context);
+            return Ok(Next::Finished);
+        }
+        self.feed(Input::Tick, context.now_ns())?;
+        self.report(context);
+        Ok(if more { Next::Again } else { self.wait(context.now_ns()) })
+    }
+
+    fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+        self.camera.iter().map(|camera| camera.stream.as_fd()).collect()
+    }
+}
+
+impl Process {
+    /// Takes what the camera has ready. Returns whether there may be more.
+    fn take_pictures(&mut self, context: &Context<'_>) -> Result<bool, StepError> {
+        for _ in 0..MOST_AT_ONCE {
+            match self.take_picture(context.now_ns())? {
+                Some(input) => self.feed(input, context.now_ns())?,
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Publishes the next picture, if one is ready, and returns what came of it.
+    fn take_picture(&mut self, now_ns: u64) -> Result<Option<Input>, StepError> {
+        let Some(Camera { stream, given }) = &mut self.camera else { return Ok(None) };
+        let frame = match stream.take() {
+            Ok(Some(frame)) => frame,
+            Ok(None) => return Ok(None),
+            Err(trouble) => return Ok(Some(Input::Trouble(trouble))),
+        };
+        let about = frame.about();
+        if about.damaged {
+            return Ok(Some(Input::Picture(about.sequence, Err(Damage::Marked))));
+        }
+        let place = self.session.next_place(&about, now_ns, clock_ns());
+        // Before the picture leaves: after a kill at any moment no number is given twice.
+        save(&self.checkpoint, place, &mut self.unsaved);
+        let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
+        let result = self.frames.try_send_with(place.seq, place.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;
+        Ok(Some(Input::Picture(about.sequence, result.map(|()| place))))
+    }
+
+    /// Tells the session what happened and does what it wants.
+    fn feed(&mut self, input: Input, now_ns: u64) -> Result<(), StepError> {
+        for output in self.session.step(input, now_ns) {
+            match output {
+                Output::Open => {
+                    let input = self.open();
+                    self.feed(input, now_ns)?;
+                }
+                Output::Restart => {
+                    let restarted = self.camera.as_mut().map_or(Err(Trouble::Absent), |camera| camera.stream.restart());
+                    self.feed(restarted.map_or_else(Input::Trouble, |()| Input::Opened), now_ns)?;
+                }
+                Output::Close => self.camera = None,
+                Output::Event(event @ Event::Recovered { .. }) => tracing::info!("{}: {event}", self.device()),
+                Output::Event(event) => tracing::warn!("{}: {event}", self.device()),
+            }
+        }
+        Ok(())
+    }
+
+    fn open(&mut self) -> Input {
+        match Camera::open(&self.path, &self.wish) {
+            Ok(camera) => {
+                if self.given.as_ref() != Some(&camera.given) {
+                    tracing::info!("{}: {}", self.device(), camera.given);
+                    camera.given.troubles.iter().for_each(|trouble| tracing::warn!("{}: {trouble}", self.device()));
+                    self.given = Some(camera.given.clone());
+                }
+                self.camera = Some(camera);
+                Input::Opened
+            }
+            Err(trouble) => Input::Trouble(trouble),
+        }
+    }
+
+    fn device(&self) -> std::path::Display<'_> {
+        self.path.display()
+    }
+
+    fn wait(&self, now_ns: u64) -> Next {
+        let wall = Duration::from_nanos((self.session.due_ns().saturating_sub(now_ns) as f64 / self.speed) as u64);
+        Next::WaitAtMost(wall.max(SHORTEST_WAIT))
+    }
+
+    fn report(&self, context: &mut Context<'_>) {
+        let given = self.given.as_ref().map(ToString::to_string).unwrap_or_default();
+        context.note(&self.session.note(&self.device().to_string(), &given, context.now_ns()));
+        let counters = self.session.counters();
+        for (name, value) in [
+            ("pictures", counters.pictures),
+            ("lost pictures", counters.lost),
+            ("damaged pictures", counters.damaged),
+            ("stream restarts", counters.restarts),
+            ("reopenings", counters.reopenings),
+            ("controls not set", self.given.as_ref().map_or(0, |given| given.troubles.len() as u64)),
+        ] {
+            context.count(name, value);
+        }
+    }
+}
+
+fn save(checkpoint: &Checkpoint, place: Place, unsaved: &mut bool) {
+    match checkpoint.save(place.as_bytes()) {
+        Ok(()) => *unsaved = false,
+        Err(error) if !*unsaved => {
+            tracing::warn!("{error}; after a crash the pictures would be numbered anew");
+            *unsaved = true;
+        }
+        Err(_) => {}
+    }
+}
+
+/// The monotonic clock, by which a camera says when it took a picture.
+fn clock_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs()
+}

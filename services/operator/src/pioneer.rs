@@ -1,0 +1,56 @@
+//! `stillmap pioneer probe`: who answers on a serial port.
+
+use crate::cli::PioneerCommand;
+use crate::exit::BadInput;
+use crate::output;
+use pioneer::{Answer, Parameters};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Carries out the command.
+pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<u8> {
+    let PioneerCommand::Probe { port } = command;
+    let parameters = Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0);
+    let answer = pioneer::probe(port, &parameters).map_err(|error| BadInput(error.to_string()))?;
+    output::write(&told(port, &answer))?;
+    Ok(0)
+}
+
+/// What answered, in lines.
+fn told(port: &Path, answer: &Answer) -> String {
+    let Answer { identity, model, baud, sonars, fired, packets, damaged, note } = answer;
+    let model = match model {
+        Some(model) => format!("robot.model = {:?}", model.name),
+        None => "of no model that stillmap knows: distances and ranges would be wrong".to_owned(),
+    };
+    format!(
+        "{}: {:?}, a {} {}, at {baud} baud\n  {model}\n  {}\n  {packets} status packets, {damaged} damaged; {note}\n",
+        port.display(),
+        identity.name,
+        identity.class,
+        identity.subclass,
+        sonars_in_words(*sonars, fired)
+    )
+}
+
+fn sonars_in_words(sonars: usize, fired: &BTreeSet<u32>) -> String {
+    let names = |numbers: &mut dyn Iterator<Item = u32>| numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(", ");
+    let mut silent = (0..sonars as u32).filter(|number| !fired.contains(number)).peekable();
+    match (fired.len(), silent.peek()) {
+        (0, _) => format!("none of its {sonars} sonars fires"),
+        (_, None) => format!("all {sonars} sonars fire"),
+        _ => format!("sonars that fire: {}; SILENT: {}", names(&mut fired.iter().copied()), names(&mut silent)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn silent_sonars_stand_out() {
+        assert_eq!(sonars_in_words(7, &(0..7).collect()), "all 7 sonars fire");
+        assert_eq!(sonars_in_words(7, &BTreeSet::new()), "none of its 7 sonars fires");
+        assert_eq!(sonars_in_words(4, &[0, 2, 3].into()), "sonars that fire: 0, 2, 3; SILENT: 1");
+    }
+}
