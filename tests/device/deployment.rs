@@ -1,0 +1,47 @@
+//! Everything at once: a robot on the adapter, the virtual camera, all services, and what goes wrong on the way.
+
+use crate::PATIENT;
+use crate::adapter::{self, End, PORT};
+use crate::harness::{Bench, FREE, PgmMap, Run, kill, map_sha256, text};
+use crate::vivid::{self, DEVICE, WEBCAM};
+
+const SERVICES: [&str; 4] = ["recorder", "mapping", "std", "fti"];
+
+#[test]
+#[ignore = "runs in a virtual machine: tests/device/run"]
+fn a_drive_with_all_services_gives_its_map() {
+    vivid::renew();
+    let bench = Bench::new();
+    let processes: String =
+        SERVICES.iter().chain(&["pioneer", "camera"]).map(|name| format!("[[process]]\nname = \"{name}\"\nrun = \"{name}\"\n")).collect();
+    let settings = bench.write(
+        "drive.toml",
+        &format!(
+            "name = \"drive\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"{PORT}\"\n[mapping]\nexpect_verdicts = true\n\
+             [camera]\ndevice = \"{DEVICE}\"\n{WEBCAM}"
+        ),
+    );
+    adapter::connect(End::Robot);
+    adapter::plug();
+    let run = Run::start(bench.stillmap(["run", settings.to_str().unwrap()]));
+    bench.wait_for("camera", "20 pictures", |it| it["sent"].as_u64() > Some(20));
+    let before = bench.wait_for("mapping", "40 scans", |it| it["received"].as_u64() > Some(40));
+    kill(before["pid"].as_u64().unwrap());
+    bench.wait_for("mapping", "it is back", |it| it["restarts"] == 1 && it["state"] == "running");
+    vivid::pull();
+    bench.wait_for("camera", "the camera is gone", |it| it["note"].as_str().is_some_and(|note| note.contains("no such device")));
+    vivid::plug();
+    let pictures = bench.wait_for("camera", "it lives", |it| it["sent"].is_u64())["sent"].as_u64().unwrap();
+    bench.wait_for("camera", "20 more pictures", |it| it["sent"].as_u64() > Some(pictures + 20));
+    bench.wait_for("pioneer", "200 scans", |it| it["sent"].as_u64() > Some(200));
+    let pid = rustix::process::Pid::from_raw(i32::try_from(run.pid()).unwrap()).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    let output = run.end();
+    adapter::pull();
+    map_sha256(&output);
+    let map = PgmMap::read(&bench.path("out"));
+    // The robot has come 4.5 m far: the right wall on the way, and what it drove through.
+    assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "the right wall");
+    let free = (10..40).filter(|step| map.at(f64::from(*step) * 0.1, 0.0) == FREE).count();
+    assert!(free > 27, "{free} of 30 places along the robot's way are free: {}", text(&output.stderr));
+}

@@ -1,0 +1,154 @@
+//! The machine around the virtual machine of the device tests: what the guest's serial adapter is plugged into.
+//!
+//! `device-host SOCKETS WORLD COMMAND…` starts COMMAND, a QEMU whose adapter is the socket SOCKETS/adapter, and does what the guest
+//! says on SOCKETS/control, a word a line, each answered with `ok`:
+//!
+//! | word | does |
+//! | --- | --- |
+//! | `robot`, `stranger`, `nothing` | what is at the other end of the cable: the simulated robot of WORLD at the start of its drive, something that answers like a login, nothing |
+//! | `plug`, `pull` | the adapter into the guest, and out of it |
+#![expect(clippy::unwrap_used, clippy::print_stderr, reason = "a test fails by panicking")]
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::Shutdown;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use simulator::{Body, PACKET_INTERVAL_NS, RobotEnd, Simulation, World, read_world};
+
+/// What is at the other end of the cable.
+enum End {
+    Nothing,
+    Stranger,
+    Robot(Box<Robot>),
+}
+
+struct Robot {
+    drive: Simulation,
+    end: RobotEnd,
+    /// When the next packet is due; none before a client has opened the robot for the first time.
+    due: Option<Instant>,
+}
+
+/// The cable: its end, and the adapter while it is plugged.
+struct Cable {
+    end: End,
+    adapter: Option<UnixStream>,
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args_os().skip(1);
+    let sockets = PathBuf::from(arguments.next().unwrap());
+    let world = read_world(Path::new(&arguments.next().unwrap())).unwrap();
+    let listener = UnixListener::bind(sockets.join("control")).unwrap();
+    let mut machine = Command::new(arguments.next().unwrap()).args(arguments).spawn().unwrap();
+    let cable = Arc::new(Mutex::new(Cable { end: End::Nothing, adapter: None }));
+    let drive = cable.clone();
+    std::thread::spawn(move || drive_on(&drive));
+    std::thread::spawn(move || obey(&listener, &sockets.join("adapter"), &world, &cable));
+    let status = machine.wait().unwrap().code();
+    match status {
+        // The guest ended itself with twice its code and one.
+        Some(code) if code % 2 == 1 => ExitCode::from((code / 2) as u8),
+        _ => {
+            eprintln!("the virtual machine ended without a word: {status:?}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn obey(listener: &UnixListener, adapter: &Path, world: &World, cable: &Arc<Mutex<Cable>>) {
+    let (control, _) = listener.accept().unwrap();
+    for word in BufReader::new(control.try_clone().unwrap()).lines() {
+        match word.unwrap().as_str() {
+            "plug" => plug(adapter, cable),
+            "pull" => pull(cable),
+            "robot" => cable.lock().unwrap().end = End::Robot(Box::new(Robot::new(world))),
+            "stranger" => cable.lock().unwrap().end = End::Stranger,
+            "nothing" => cable.lock().unwrap().end = End::Nothing,
+            other => eprintln!("the guest says {other:?}"),
+        }
+        (&control).write_all(b"ok\n").unwrap();
+    }
+}
+
+fn plug(adapter: &Path, cable: &Arc<Mutex<Cable>>) {
+    let stream = UnixStream::connect(adapter).unwrap();
+    let mut from_guest = stream.try_clone().unwrap();
+    cable.lock().unwrap().adapter = Some(stream);
+    let cable = cable.clone();
+    std::thread::spawn(move || {
+        let mut bytes = [0; 256];
+        while let Ok(count @ 1..) = from_guest.read(&mut bytes) {
+            let mut cable = cable.lock().unwrap();
+            let answer = match &mut cable.end {
+                End::Nothing => Vec::new(),
+                End::Stranger => b"\r\nlogin: ".to_vec(),
+                End::Robot(robot) => robot.end.push(&bytes[..count]),
+            };
+            cable.send(&answer);
+        }
+    });
+}
+
+fn pull(cable: &Mutex<Cable>) {
+    if let Some(stream) = cable.lock().unwrap().adapter.take() {
+        stream.shutdown(Shutdown::Both).unwrap();
+    }
+}
+
+/// Lets the robot's time go by, whether a guest hears it or not.
+fn drive_on(cable: &Mutex<Cable>) {
+    loop {
+        let wait = {
+            let mut cable = cable.lock().unwrap();
+            let (said, due) = match &mut cable.end {
+                End::Robot(robot) => (robot.speak(Instant::now()), robot.due),
+                End::Nothing | End::Stranger => (Vec::new(), None),
+            };
+            cable.send(&said);
+            due.map_or(Duration::from_millis(20), |due| due.saturating_duration_since(Instant::now()))
+        };
+        std::thread::sleep(wait);
+    }
+}
+
+impl Robot {
+    fn new(world: &World) -> Self {
+        let settings = settings::Robot::default();
+        let body = Body::of_settings(&settings);
+        let drive = Simulation::new(world, &body, 1);
+        Self { end: RobotEnd::new(&body, settings.odometry_modulus.get(), drive.odometry()), drive, due: None }
+    }
+
+    /// The packets that are due.
+    fn speak(&mut self, now: Instant) -> Vec<u8> {
+        let mut said = Vec::new();
+        if self.due.is_none() && self.end.is_open() {
+            self.due = Some(now);
+        }
+        while let Some(due) = self.due.filter(|due| *due <= now) {
+            self.due = Some(due + Duration::from_nanos(PACKET_INTERVAL_NS));
+            match self.drive.next_packet() {
+                Some((packet, _)) => said.extend(self.end.tick(&packet)),
+                // The drive is over: the robot is switched off.
+                None => self.due = None,
+            }
+        }
+        said
+    }
+}
+
+impl Cable {
+    /// What is said into a cable that is not plugged, or just being pulled, is lost.
+    fn send(&mut self, bytes: &[u8]) {
+        if let Some(adapter) = &mut self.adapter
+            && adapter.write_all(bytes).is_err()
+        {
+            self.adapter = None;
+        }
+    }
+}
