@@ -76,8 +76,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
     let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;
     let camera = match settings.simulator.camera.provides {
         Provides::Off => None,
-        Provides::Motion => Some(CameraFeed::Motion(MotionFeed::new(&world, settings, shell.writer()?, driven_ns))),
-        Provides::Pictures => Some(CameraFeed::Pictures(PictureFeed::new(&world, settings, &mut shell, driven_ns)?)),
+        Provides::Motion => Some(CameraFeed::Motion(Box::new(MotionFeed::new(&world, settings, shell.writer()?, driven_ns)))),
+        Provides::Pictures => Some(CameraFeed::Pictures(Box::new(PictureFeed::new(&world, settings, &mut shell, driven_ns)?))),
     };
     let mut process = Process {
         camera,
@@ -97,8 +97,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
 
 /// What the robot's camera gives.
 enum CameraFeed {
-    Motion(MotionFeed),
-    Pictures(PictureFeed),
+    Motion(Box<MotionFeed>),
+    Pictures(Box<PictureFeed>),
 }
 
 impl CameraFeed {
