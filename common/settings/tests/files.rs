@@ -26,11 +26,11 @@ fn every_file_in_config_is_a_deployment() {
 fn the_demo_starts_listeners_before_speakers() {
     let demo = Settings::read(&config("demo.toml")).unwrap();
     let order: Vec<&str> = demo.process.iter().map(|process| process.name.as_str()).collect();
-    assert_eq!(order, ["recorder", "mapping", "fti", "std", "viewer", "simulator", "pioneer"]);
+    assert_eq!(order, ["recorder", "mapping", "fti", "std", "sbs", "viewer", "simulator", "pioneer"]);
     assert_eq!(demo.pioneer.port, Port::Simulator);
     assert_eq!(demo.pace, Pace::Live);
     let ends: Vec<bool> = demo.process.iter().map(|process| process.ends_run).collect();
-    assert_eq!(ends, [false, false, false, false, false, true, false]);
+    assert_eq!(ends, [false, false, false, false, false, false, true, false]);
 }
 
 #[test]
