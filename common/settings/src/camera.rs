@@ -100,6 +100,7 @@ pub struct Camera {
     pub white_balance_k: Option<WhiteBalance>,
     /// Other controls that are held.
     #[schemars(length(max = 32))]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub control: Vec<CameraControl>,
 }
 
