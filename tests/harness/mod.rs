@@ -1,6 +1,8 @@
 //! What the tests of whole deployments share: a runtime folder of their own, the command, its status, its map.
 #![allow(dead_code, reason = "each test uses its part")]
 
+pub(crate) mod replays;
+
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};

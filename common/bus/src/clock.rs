@@ -37,6 +37,12 @@ impl DeploymentClock {
         self.at(nanoseconds(ClockId::Monotonic))
     }
 
+    /// Since the deployment started, s of deployment time.
+    #[must_use]
+    pub fn elapsed_s(&self) -> f64 {
+        self.now_ns().saturating_sub(self.started_real_ns) as f64 * 1e-9
+    }
+
     fn at(&self, monotonic_ns: u64) -> u64 {
         let elapsed = monotonic_ns.saturating_sub(self.started_monotonic_ns) as f64 * self.speed;
         self.started_real_ns + elapsed as u64

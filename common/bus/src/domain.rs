@@ -19,7 +19,7 @@ use rustix::fs::{FlockOperation, flock};
 
 use crate::broken::BusError;
 use crate::clock::DeploymentClock;
-use crate::fabric::Fabric;
+use crate::fabric::{Channel, Fabric};
 use crate::membership::Membership;
 use crate::outlet::Refresh;
 use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
@@ -93,6 +93,8 @@ pub struct Domain {
     listeners: Vec<Rc<Listener<ipc::Service>>>,
     run: u64,
     clock: DeploymentClock,
+    /// Services whose messages go through a process between their publishers and their readers.
+    routed: Vec<String>,
     _lock: File,
 }
 
@@ -102,6 +104,15 @@ impl Domain {
     /// # Errors
     /// When a supervisor holds it, processes of an earlier run are alive, or memory or the file system refuse.
     pub fn open(name: &str, speed: f64) -> Result<Self, DomainError> {
+        Self::open_routed(name, speed, &[])
+    }
+
+    /// As [`Domain::open`]; what is sent on the services named in `routed` does not go straight to their readers, but to who
+    /// [taps](crate::Shell::tap) it.
+    ///
+    /// # Errors
+    /// As [`Domain::open`].
+    pub fn open_routed(name: &str, speed: f64, routed: &[&str]) -> Result<Self, DomainError> {
         check_name(name)?;
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
         remove_abandoned(&runtime, name);
@@ -117,8 +128,17 @@ impl Domain {
         };
         paths.wipe().map_err(io(&paths.directory))?;
         lock.set_len(0).and_then(|()| write!(lock, "{} {run:016x}", std::process::id())).map_err(io(&paths.lock))?;
-        let mut domain =
-            Self { paths, fabric: None, services: Vec::new(), writers: Vec::new(), listeners: Vec::new(), run, clock, _lock: lock };
+        let mut domain = Self {
+            paths,
+            fabric: None,
+            services: Vec::new(),
+            writers: Vec::new(),
+            listeners: Vec::new(),
+            run,
+            clock,
+            routed: routed.iter().map(|name| (*name).to_owned()).collect(),
+            _lock: lock,
+        };
         domain.rebuild()?;
         Ok(domain)
     }
@@ -138,23 +158,24 @@ impl Domain {
         make_private(&self.paths.directory).map_err(io)?;
         make_private(&self.paths.root()).map_err(io)?;
         let fabric = Fabric::join(&self.paths, "supervisor")?;
-        let mut services = Vec::new();
-        hold::<SonarScan>(&fabric, &mut services)?;
-        hold::<SonarMotion>(&fabric, &mut services)?;
-        hold::<CameraMotion>(&fabric, &mut services)?;
-        hold::<FilterVerdict>(&fabric, &mut services)?;
-        hold::<VerdictOutlook>(&fabric, &mut services)?;
-        hold::<Walkers>(&fabric, &mut services)?;
-        hold::<MapTile>(&fabric, &mut services)?;
-        hold::<WayChunk>(&fabric, &mut services)?;
-        hold::<MapSummary>(&fabric, &mut services)?;
-        hold::<Heartbeat>(&fabric, &mut services)?;
-        hold::<Progress>(&fabric, &mut services)?;
-        hold::<DeploymentStatus>(&fabric, &mut services)?;
-        hold::<LogLine>(&fabric, &mut services)?;
-        hold::<PlaybackControl>(&fabric, &mut services)?;
-        hold::<TruthScan>(&fabric, &mut services)?;
-        hold::<TruthSurfaces>(&fabric, &mut services)?;
+        let mut services: Vec<Box<dyn std::any::Any>> = Vec::new();
+        let routed = &self.routed;
+        hold::<SonarScan>(&fabric, routed, &mut services)?;
+        hold::<SonarMotion>(&fabric, routed, &mut services)?;
+        hold::<CameraMotion>(&fabric, routed, &mut services)?;
+        hold::<FilterVerdict>(&fabric, routed, &mut services)?;
+        hold::<VerdictOutlook>(&fabric, routed, &mut services)?;
+        hold::<Walkers>(&fabric, routed, &mut services)?;
+        hold::<MapTile>(&fabric, routed, &mut services)?;
+        hold::<WayChunk>(&fabric, routed, &mut services)?;
+        hold::<MapSummary>(&fabric, routed, &mut services)?;
+        hold::<Heartbeat>(&fabric, routed, &mut services)?;
+        hold::<Progress>(&fabric, routed, &mut services)?;
+        hold::<DeploymentStatus>(&fabric, routed, &mut services)?;
+        hold::<LogLine>(&fabric, routed, &mut services)?;
+        hold::<PlaybackControl>(&fabric, routed, &mut services)?;
+        hold::<TruthScan>(&fabric, routed, &mut services)?;
+        hold::<TruthSurfaces>(&fabric, routed, &mut services)?;
         services.push(Box::new(fabric.create_pictures::<CameraFrame>()?));
         services.push(Box::new(fabric.create_pictures::<CameraMask>()?));
         services.push(Box::new(fabric.create_pictures::<CameraBackground>()?));
@@ -186,6 +207,7 @@ impl Domain {
             incarnation,
             clock: self.clock,
             settings_path: settings_path.to_owned(),
+            routed: self.routed.clone(),
         }
     }
 
@@ -194,7 +216,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric()?.open()?, self.run)?;
+        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }
@@ -204,7 +226,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
-        let writer = Writer::new(self.fabric()?.open()?, self.run, Rc::new(Cell::new(0)))?;
+        let writer = Writer::new(self.fabric()?.open(Channel::Open)?, self.run, Rc::new(Cell::new(0)))?;
         self.writers.push(writer.refresh());
         Ok(writer)
     }
@@ -247,8 +269,11 @@ impl Domain {
     }
 }
 
-fn hold<T: Payload>(fabric: &Fabric, services: &mut Vec<Box<dyn std::any::Any>>) -> Result<(), BusError> {
-    services.push(Box::new(fabric.create::<T>()?));
+fn hold<T: Payload>(fabric: &Fabric, routed: &[String], services: &mut Vec<Box<dyn std::any::Any>>) -> Result<(), BusError> {
+    services.push(Box::new(fabric.create::<T>(Channel::Open)?));
+    if routed.iter().any(|name| name == T::SERVICE.name) {
+        services.push(Box::new(fabric.create::<T>(Channel::Tapped)?));
+    }
     Ok(())
 }
 

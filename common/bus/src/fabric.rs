@@ -30,6 +30,24 @@ pub(crate) type PubSub<T> = publish_subscribe::PortFactory<ipc::Service, Slot<T>
 pub(crate) type PicturePubSub = publish_subscribe::PortFactory<ipc::Service, [u8], FrameHeaderSlot>;
 pub(crate) type Wake = event::PortFactory<ipc::Service>;
 
+/// Where the messages of a service go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Channel {
+    /// To its readers.
+    Open,
+    /// To what stands between its publishers and its readers.
+    Tapped,
+}
+
+impl Channel {
+    fn name_of(self, service: &Service) -> String {
+        match self {
+            Self::Open => service.name.to_owned(),
+            Self::Tapped => format!("{}~tapped", service.name),
+        }
+    }
+}
+
 /// A service that this process has open: its messages and, when sends wake readers, its event.
 pub(crate) struct Opened<D> {
     service: Service,
@@ -57,11 +75,11 @@ impl Fabric {
     }
 
     /// Creates the service; the supervisor alone does, so that a process killed while starting leaves none half made.
-    pub(crate) fn create<T: Payload>(&self) -> Result<Opened<PubSub<T>>, BusError> {
+    pub(crate) fn create<T: Payload>(&self, channel: Channel) -> Result<Opened<PubSub<T>>, BusError> {
         let service = T::SERVICE;
-        let builder = self.builder::<T>()?;
+        let builder = self.builder::<T>(channel)?;
         let data = builder.create_with_attributes(&written(&service, T::HASH)?).map_err(|error| BusError::creating(service.name, error))?;
-        Ok(Opened { service, data, wake: self.create_wake(&service)? })
+        Ok(Opened { service, data, wake: self.create_wake(&service, channel)? })
     }
 
     /// Creates a service of pictures.
@@ -70,15 +88,15 @@ impl Fabric {
         let builder = self.picture_builder(&service)?;
         let attributes = written(&service, FrameHeader::HASH)?;
         let data = builder.create_with_attributes(&attributes).map_err(|error| BusError::creating(service.name, error))?;
-        Ok(Opened { service, data, wake: self.create_wake(&service)? })
+        Ok(Opened { service, data, wake: self.create_wake(&service, Channel::Open)? })
     }
 
-    pub(crate) fn open<T: Payload>(&self) -> Result<Opened<PubSub<T>>, BusError> {
+    pub(crate) fn open<T: Payload>(&self, channel: Channel) -> Result<Opened<PubSub<T>>, BusError> {
         let service = T::SERVICE;
-        let builder = self.builder::<T>()?;
+        let builder = self.builder::<T>(channel)?;
         let attributes = expected(&service, T::HASH)?;
         let data = builder.open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, T::HASH, error))?;
-        Ok(Opened { service, data, wake: self.open_wake(&service)? })
+        Ok(Opened { service, data, wake: self.open_wake(&service, channel)? })
     }
 
     pub(crate) fn open_pictures<P: Pictures>(&self) -> Result<Opened<PicturePubSub>, BusError> {
@@ -86,7 +104,7 @@ impl Fabric {
         let builder = self.picture_builder(&service)?;
         let attributes = expected(&service, FrameHeader::HASH)?;
         let data = builder.open_with_attributes(&attributes).map_err(|error| BusError::opening(&service, FrameHeader::HASH, error))?;
-        Ok(Opened { service, data, wake: self.open_wake(&service)? })
+        Ok(Opened { service, data, wake: self.open_wake(&service, Channel::Open)? })
     }
 
     /// Removes what dead processes have left in the domain. Returns how many nodes were dead.
@@ -110,9 +128,13 @@ impl Fabric {
         dead.len()
     }
 
-    fn builder<T: Payload>(&self) -> Result<Builder<Slot<T>, HeaderSlot, ipc::Service>, BusError> {
+    fn builder<T: Payload>(&self, channel: Channel) -> Result<Builder<Slot<T>, HeaderSlot, ipc::Service>, BusError> {
         let service = T::SERVICE;
-        let builder = self.node.service_builder(&service_name(service.name)?).publish_subscribe::<Slot<T>>().user_header::<HeaderSlot>();
+        let builder = self
+            .node
+            .service_builder(&service_name(&channel.name_of(&service))?)
+            .publish_subscribe::<Slot<T>>()
+            .user_header::<HeaderSlot>();
         Ok(shaped(builder, service.qos))
     }
 
@@ -121,23 +143,27 @@ impl Fabric {
         Ok(shaped(builder, service.qos))
     }
 
-    fn create_wake(&self, service: &Service) -> Result<Option<Wake>, BusError> {
+    fn create_wake(&self, service: &Service, channel: Channel) -> Result<Option<Wake>, BusError> {
         if !service.wakes {
             return Ok(None);
         }
-        self.event_builder(service)?.create().map(Some).map_err(|error| BusError::creating_event(service.name, error))
+        self.event_builder(service, channel)?.create().map(Some).map_err(|error| BusError::creating_event(service.name, error))
     }
 
-    fn open_wake(&self, service: &Service) -> Result<Option<Wake>, BusError> {
+    fn open_wake(&self, service: &Service, channel: Channel) -> Result<Option<Wake>, BusError> {
         if !service.wakes {
             return Ok(None);
         }
-        self.event_builder(service)?.open().map(Some).map_err(|error| BusError::opening_event(service.name, error))
+        self.event_builder(service, channel)?.open().map(Some).map_err(|error| BusError::opening_event(service.name, error))
     }
 
-    fn event_builder(&self, service: &Service) -> Result<iceoryx2::service::builder::event::Builder<ipc::Service>, BusError> {
+    fn event_builder(
+        &self,
+        service: &Service,
+        channel: Channel,
+    ) -> Result<iceoryx2::service::builder::event::Builder<ipc::Service>, BusError> {
         let Qos { subscribers, publishers, .. } = service.qos;
-        let builder = self.node.service_builder(&service_name(service.name)?).event();
+        let builder = self.node.service_builder(&service_name(&channel.name_of(service))?).event();
         Ok(builder.max_listeners(subscribers).max_notifiers(publishers).max_nodes(MAX_NODES))
     }
 }
@@ -177,7 +203,7 @@ fn config(paths: &DomainPaths) -> Result<Config, BusError> {
     Ok(config)
 }
 
-fn service_name(name: &'static str) -> Result<ServiceName, BusError> {
+fn service_name(name: &str) -> Result<ServiceName, BusError> {
     ServiceName::new(name).map_err(|error| BusError::refused("cannot name", name, error))
 }
 

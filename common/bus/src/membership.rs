@@ -3,7 +3,10 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use messages::Service;
+
 use crate::clock::DeploymentClock;
+use crate::fabric::Channel;
 
 /// The environment that the supervisor gives to each of its children, and that [`Membership::from_env`] reads.
 const DOMAIN: &str = "STILLMAP_DOMAIN";
@@ -12,6 +15,7 @@ const RUN: &str = "STILLMAP_RUN";
 const INCARNATION: &str = "STILLMAP_INCARNATION";
 const CLOCK: &str = "STILLMAP_CLOCK";
 const SETTINGS: &str = "STILLMAP_SETTINGS";
+const ROUTE: &str = "STILLMAP_ROUTE";
 
 /// The place of a process in its deployment.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +26,8 @@ pub struct Membership {
     pub(crate) incarnation: u32,
     pub(crate) clock: DeploymentClock,
     pub(crate) settings_path: PathBuf,
+    /// Services whose messages do not go straight to their readers.
+    pub(crate) routed: Vec<String>,
 }
 
 /// An environment that no supervisor made.
@@ -81,6 +87,7 @@ impl Membership {
             incarnation: incarnation.parse().map_err(|_| malformed(INCARNATION, &incarnation, "a number"))?,
             clock: clock_parts.ok_or_else(|| malformed(CLOCK, &clock, "MONOTONIC_NS:REAL_NS:SPEED"))?,
             settings_path: path(SETTINGS)?,
+            routed: text(ROUTE)?.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect(),
         })
     }
 
@@ -95,6 +102,7 @@ impl Membership {
             (INCARNATION, OsString::from(self.incarnation.to_string())),
             (CLOCK, OsString::from(clock)),
             (SETTINGS, self.settings_path.clone().into_os_string()),
+            (ROUTE, OsString::from(self.routed.join(","))),
         ]
     }
 
@@ -134,6 +142,11 @@ impl Membership {
         &self.directory
     }
 
+    /// The channel that what is sent on this service goes into.
+    pub(crate) fn channel_to(&self, service: &Service) -> Channel {
+        if self.routed.iter().any(|name| name == service.name) { Channel::Tapped } else { Channel::Open }
+    }
+
     /// The settings of the deployment, whole, as a TOML file.
     #[must_use]
     pub fn settings_path(&self) -> &Path {
@@ -153,6 +166,7 @@ mod tests {
             incarnation: 3,
             clock: DeploymentClock::from_parts(12, 34, 2.5),
             settings_path: "/run/stillmap/demo/settings.toml".into(),
+            routed: vec!["robot/scan".to_owned(), "map/verdict".to_owned()],
         }
     }
 

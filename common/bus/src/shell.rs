@@ -14,12 +14,13 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use crate::broken::BusError;
 use crate::checkpoint::Checkpoint;
 use crate::domain::{DomainError, join_members};
-use crate::fabric::Fabric;
+use crate::fabric::{Channel, Fabric, Opened};
 use crate::frame_reader::FrameReader;
 use crate::frame_writer::FrameWriter;
 use crate::membership::Membership;
-use crate::outlet::Refresh;
+use crate::outlet::{Outlet, Refresh};
 use crate::paths::DomainPaths;
+use crate::raw::{Injection, Tap};
 use crate::reader::Reader;
 use crate::signals::Signals;
 use crate::writer::Writer;
@@ -127,8 +128,8 @@ impl Shell {
         let member = join_members(&paths)?;
         let fabric = Fabric::join(&paths, membership.process())?;
         let not_counted = Rc::new(Cell::new(0));
-        let heartbeats = Writer::new(fabric.open()?, membership.run, not_counted.clone())?;
-        let progress = Writer::new(fabric.open()?, membership.run, not_counted)?;
+        let heartbeats = Writer::new(fabric.open(Channel::Open)?, membership.run, not_counted.clone())?;
+        let progress = Writer::new(fabric.open(Channel::Open)?, membership.run, not_counted)?;
         let writers = vec![heartbeats.refresh(), progress.refresh()];
         let mut shell = Self {
             membership,
@@ -152,7 +153,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open()?, self.membership.run)?;
+        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.membership.run)?;
         self.listeners.extend(reader.listener());
         self.inputs.push(reader.counters());
         Ok(reader)
@@ -163,9 +164,32 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
-        let writer = Writer::new(self.fabric.open()?, self.membership.run, self.sent.clone())?;
+        let channel = self.membership.channel_to(&T::SERVICE);
+        let writer = Writer::new(self.fabric.open(channel)?, self.membership.run, self.sent.clone())?;
         self.writers.push(writer.refresh());
         Ok(writer)
+    }
+
+    /// Declares that this process takes what others send on a routed service.
+    ///
+    /// # Errors
+    /// When the service is not routed in this deployment, or cannot be used.
+    pub fn tap<T: Payload>(&mut self) -> Result<Tap<T>, BusError> {
+        let tap = Tap::new(&self.fabric.open(Channel::Tapped)?)?;
+        self.listeners.extend(tap.listener());
+        Ok(tap)
+    }
+
+    /// Declares that this process gives messages to the readers of a routed service.
+    ///
+    /// # Errors
+    /// When the service does not exist or cannot be used.
+    pub fn injection<T: Payload>(&mut self) -> Result<Injection<T>, BusError> {
+        let Opened { data, wake, .. } = self.fabric.open::<T>(Channel::Open)?;
+        let publisher = data.publisher_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+        let injection = Injection::new(Outlet::new(T::SERVICE.name, publisher, data, wake, self.sent.clone())?);
+        self.writers.push(injection.refresh());
+        Ok(injection)
     }
 
     /// Declares an input of pictures: they wake the process.

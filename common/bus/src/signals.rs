@@ -4,7 +4,7 @@ use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
 /// A request to stop, readable through its file descriptor.
 #[derive(Debug)]
@@ -26,6 +26,8 @@ impl Signals {
         signal_hook::flag::register(SIGINT, interrupt.clone())?;
         signal_hook::low_level::pipe::register(SIGINT, write.try_clone()?)?;
         signal_hook::low_level::pipe::register(SIGTERM, write)?;
+        // A file that may grow no further is an error of the write then, not the end of the process.
+        signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())?;
         Ok(Self { requests, last: None, interrupt })
     }
 

@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 
 use crate::broken::BusError;
 use crate::domain::{DomainError, RunningDomain, join_members};
-use crate::fabric::Fabric;
+use crate::fabric::{Channel, Fabric};
 use crate::frame_reader::FrameReader;
 use crate::reader::Reader;
 use crate::shell::{drain, listener_descriptor, timespec};
@@ -40,7 +40,7 @@ impl Tool {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open()?, self.run)?;
+        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.run)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }

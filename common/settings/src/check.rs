@@ -2,12 +2,14 @@
 
 use std::collections::HashSet;
 
-use crate::{BuiltIn, Fault, Pace, Port, Program, Provides, Settings, Viewer};
+use crate::{BuiltIn, Disturbance, Fault, Pace, Port, Program, Provides, RoutedService, Settings, Viewer};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;
 /// Most sonars of a ring.
 pub const MAX_SONARS: usize = 16;
+/// Most faults of a deployment.
+pub const MAX_FAULTS: usize = 64;
 
 impl Settings {
     /// Checks what no section can say alone.
@@ -20,6 +22,7 @@ impl Settings {
         self.check_lists()?;
         self.check_verdicts()?;
         self.check_viewer()?;
+        self.check_faults()?;
         let (first, last) = (self.supervisor.backoff_first_s.get(), self.supervisor.backoff_last_s.get());
         if first > last {
             return Err(Fault::new("supervisor.backoff_first_s", format!("at most backoff_last_s, which is {last} s")));
@@ -31,6 +34,37 @@ impl Settings {
     #[must_use]
     pub fn runs(&self, kind: BuiltIn) -> bool {
         self.process.iter().any(|process| process.runs(kind))
+    }
+
+    /// The services that go through the injector, each once: none where no process runs it.
+    #[must_use]
+    pub fn routed_services(&self) -> Vec<RoutedService> {
+        let named = |service: &RoutedService| {
+            self.injector.services.contains(service)
+                || self.fault.iter().any(|fault| matches!(&fault.disturbance, Disturbance::Service { service: it, .. } if it == service))
+        };
+        let injected = self.runs(BuiltIn::Injector);
+        RoutedService::ALL.into_iter().filter(|service| injected && named(service)).collect()
+    }
+
+    /// Faults hit what there is, and somebody is there to make them.
+    fn check_faults(&self) -> Result<(), Fault> {
+        if self.fault.len() > MAX_FAULTS {
+            return Err(Fault::new("fault", format!("at most {MAX_FAULTS} faults, found {}", self.fault.len())));
+        }
+        if !self.runs(BuiltIn::Injector) {
+            let needs = if self.fault.is_empty() { "injector.services" } else { "fault" };
+            let idle = self.fault.is_empty() && self.injector.services.is_empty();
+            return if idle { Ok(()) } else { Err(Fault::new(needs, "none, or else a process with run = \"injector\"")) };
+        }
+        for (index, fault) in self.fault.iter().enumerate() {
+            if let Disturbance::Process { process, .. } = &fault.disturbance
+                && !self.process.iter().any(|it| it.name == *process && !it.runs(BuiltIn::Injector))
+            {
+                return Err(Fault::new(format!("fault[{index}].process"), "the name of a process of this deployment, not the injector's"));
+            }
+        }
+        Ok(())
     }
 
     fn check_processes(&self) -> Result<(), Fault> {

@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, Fti, Mapping, Name, Pioneer, Playback, Process, Recorder, Robot, Sbs, Simulator, Std, Supervisor, Viewer};
+use crate::{
+    Camera, Fti, Injector, Mapping, Name, Pioneer, PlannedFault, Playback, Process, Recorder, Robot, Sbs, Simulator, Std, Supervisor,
+    Viewer,
+};
 
 /// What sets the pace of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -70,6 +73,13 @@ pub struct Settings {
     /// `[viewer]`: the page that a browser shows.
     #[serde(default)]
     pub viewer: Viewer,
+    /// `[injector]`: faults between the processes.
+    #[serde(default)]
+    pub injector: Injector,
+    /// `[[fault]]`: faults on purpose; they need a process that runs `"injector"`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub fault: Vec<PlannedFault>,
 }
 
 fn default_out() -> PathBuf {
@@ -96,6 +106,8 @@ impl Default for Settings {
             recorder: Recorder::default(),
             playback: Playback::default(),
             viewer: Viewer::default(),
+            injector: Injector::default(),
+            fault: Vec::new(),
         }
     }
 }

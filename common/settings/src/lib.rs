@@ -34,6 +34,7 @@ mod check;
 mod deployment;
 mod document;
 mod error;
+mod faults;
 mod files;
 mod fti;
 mod located;
@@ -58,10 +59,14 @@ pub use camera::{
     Camera, CameraControl, CameraFormat, CameraGain, CameraHeight, CameraInput, ControlValue, Exposure, FieldOfView, FrameRate,
     HorizonShare, PictureHeight, PictureWidth, WhiteBalance,
 };
-pub use check::{MAX_PROCESSES, MAX_SONARS};
+pub use check::{MAX_FAULTS, MAX_PROCESSES, MAX_SONARS};
 pub use deployment::{Pace, Settings};
 pub use document::{MAX_BYTES, parse, parse_checked, read_text};
 pub use error::{Fault, SettingsError};
+pub use faults::{
+    Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultSeed, FaultStart, Injector, NoSuchFault, PlannedFault, ProcessFault,
+    RoutedService, StreamFault,
+};
 pub use fti::{Action, Correspondence, Cue, Fti, Magnitude, Patience, Readiness, Side, Tables, VerdictRule};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,

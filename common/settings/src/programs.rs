@@ -29,6 +29,8 @@ pub enum BuiltIn {
     Playback,
     /// The page that a browser shows.
     Viewer,
+    /// Faults on purpose.
+    Injector,
 }
 
 /// What a process runs.
@@ -76,6 +78,21 @@ struct Entry {
 struct NotOneProgram;
 
 impl BuiltIn {
+    /// Every process that `stillmap` brings along.
+    pub const ALL: [Self; 11] = [
+        Self::Recorder,
+        Self::Mapping,
+        Self::Std,
+        Self::Sbs,
+        Self::Fti,
+        Self::Pioneer,
+        Self::Camera,
+        Self::Simulator,
+        Self::Playback,
+        Self::Viewer,
+        Self::Injector,
+    ];
+
     /// Its word in settings and on the command line.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -90,6 +107,7 @@ impl BuiltIn {
             Self::Simulator => "simulator",
             Self::Playback => "playback",
             Self::Viewer => "viewer",
+            Self::Injector => "injector",
         }
     }
 

@@ -77,6 +77,8 @@ pub(crate) struct Streams {
     camera_ns: u64,
     camera_ended: bool,
     sonar_ended: bool,
+    /// The newest answer of STD: one to an older scan does not come any more.
+    sonar_seq: u64,
     scans_ended: bool,
     newest_ns: u64,
 }
@@ -97,15 +99,18 @@ impl Streams {
                 let motion = early.map_or_else(SonarMotion::default, |early| early.motion);
                 self.scans.push_back(Waiting { seq, stamp_ns, scan: *scan, motion, answered: early.is_some() });
             }
-            Input::Sonar { seq, motion } => match self.scans.iter_mut().find(|waiting| waiting.seq == seq) {
-                Some(waiting) => (waiting.motion, waiting.answered) = (*motion, true),
-                None => {
-                    self.early.push_back(Early { seq, motion: *motion });
-                    if self.early.len() > MOST_SCANS {
-                        self.early.pop_front();
+            Input::Sonar { seq, motion } => {
+                self.sonar_seq = self.sonar_seq.max(seq);
+                match self.scans.iter_mut().find(|waiting| waiting.seq == seq) {
+                    Some(waiting) => (waiting.motion, waiting.answered) = (*motion, true),
+                    None => {
+                        self.early.push_back(Early { seq, motion: *motion });
+                        if self.early.len() > MOST_SCANS {
+                            self.early.pop_front();
+                        }
                     }
                 }
-            },
+            }
             Input::Camera { stamp_ns, motion } => {
                 self.camera_ns = self.camera_ns.max(stamp_ns);
                 self.frames.push_back(Frame { stamp_ns, motion: *motion });
@@ -129,7 +134,7 @@ impl Streams {
         let overdue = self.scans_ended && patience != Patience::Endless
             || self.scans.len() > MOST_SCANS
             || matches!(patience, Patience::Seconds(seconds) if self.newest_ns.saturating_sub(front.stamp_ns) as f64 * 1e-9 > seconds);
-        let sonar_done = front.answered || self.sonar_ended;
+        let sonar_done = front.answered || self.sonar_ended || self.sonar_seq > front.seq;
         let camera_done = !with_camera || self.camera_ended || self.camera_ns >= front.stamp_ns;
         if !(overdue || sonar_done && camera_done) {
             return None;
@@ -179,6 +184,17 @@ mod tests {
         assert_eq!(next(&mut streams, Patience::Endless), None);
         sonar(&mut streams, 2);
         assert_eq!(next(&mut streams, Patience::Endless), Some((2, 1)));
+    }
+
+    #[test]
+    fn an_answer_that_was_lost_is_not_waited_for_once_a_later_one_is_there() {
+        let mut streams = Streams::default();
+        (1..=3).for_each(|seq| scan(&mut streams, seq));
+        camera(&mut streams, 400_000_000);
+        sonar(&mut streams, 2);
+        assert_eq!(next(&mut streams, Patience::Endless), Some((1, 0)));
+        assert_eq!(next(&mut streams, Patience::Endless), Some((2, 0)));
+        assert_eq!(next(&mut streams, Patience::Endless), None);
     }
 
     #[test]

@@ -69,6 +69,8 @@ pub(crate) enum Command {
     /// Looks at a robot on a serial port
     #[command(subcommand)]
     Pioneer(PioneerCommand),
+    /// Disturbs a running deployment on purpose: messages of a service, or a process
+    Inject(InjectOptions),
     /// Tells how good results are, against the truth
     Evaluate(EvaluateOptions),
     /// Looks at, repairs or imports logs
@@ -112,6 +114,34 @@ pub(crate) struct RunOptions {
     /// Opens the live page in a browser
     #[arg(long)]
     pub(crate) open: bool,
+}
+
+#[derive(Debug, Clone, Args)]
+#[command(group = clap::ArgGroup::new("whom").required(true))]
+pub(crate) struct InjectOptions {
+    /// To a service: drop, delay, duplicate, reorder, corrupt, stall or burst; to a process: kill, stop, slow or disk
+    #[arg(value_name = "KIND")]
+    pub(crate) kind: String,
+    /// The service, for example robot/scan; it has to go through an injector
+    #[arg(long, value_name = "NAME", group = "whom")]
+    pub(crate) service: Option<String>,
+    /// The process
+    #[arg(long, value_name = "NAME", group = "whom")]
+    pub(crate) process: Option<String>,
+    /// Share of messages that are hit, or of time that a slowed process stands
+    #[arg(long, value_name = "SHARE", default_value_t = 1.0)]
+    pub(crate) rate: f64,
+    /// How long, s
+    #[arg(long = "for", value_name = "S", default_value_t = 10.0)]
+    pub(crate) for_s: f64,
+    /// By how much it delays, how often a burst comes or a kill, s
+    #[arg(long = "by", value_name = "S")]
+    pub(crate) by_s: Option<f64>,
+    /// Another seed hits other messages
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u32,
+    #[command(flatten)]
+    pub(crate) which: Which,
 }
 
 #[derive(Debug, Clone, Args)]

@@ -8,6 +8,7 @@ mod demo;
 mod drive;
 mod evaluate;
 mod exit;
+mod inject;
 mod log;
 mod logging;
 mod map;
@@ -54,6 +55,7 @@ fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
         Command::Map { out, which } => map::map(&out, &which),
         Command::Camera(command) => camera::camera(&command),
         Command::Pioneer(command) => pioneer::pioneer(&command),
+        Command::Inject(options) => inject::inject(&options),
         Command::Evaluate(command) => evaluate::evaluate(&command, bars),
         Command::Log(command) => log::log(&command),
         Command::Check { settings: Some(settings), .. } => check::check(&settings),

@@ -20,23 +20,12 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
         BuiltIn::Simulator => simulator::run(shell, &settings)?,
         BuiltIn::Playback => playback::run(shell, &settings)?,
         BuiltIn::Viewer => viewer::run(shell, &settings)?,
+        BuiltIn::Injector => injector::run(shell, &settings)?,
     }
     Ok(0)
 }
 
 fn built_in(word: &str) -> Result<BuiltIn, BadInput> {
-    let all = [
-        BuiltIn::Recorder,
-        BuiltIn::Mapping,
-        BuiltIn::Std,
-        BuiltIn::Sbs,
-        BuiltIn::Fti,
-        BuiltIn::Pioneer,
-        BuiltIn::Camera,
-        BuiltIn::Simulator,
-        BuiltIn::Playback,
-        BuiltIn::Viewer,
-    ];
-    let words = all.map(BuiltIn::word).join(", ");
-    all.into_iter().find(|kind| kind.word() == word).ok_or_else(|| BadInput(format!("process {word}: expected one of {words}")))
+    let words = BuiltIn::ALL.map(BuiltIn::word).join(", ");
+    BuiltIn::ALL.into_iter().find(|kind| kind.word() == word).ok_or_else(|| BadInput(format!("process {word}: expected one of {words}")))
 }

@@ -20,6 +20,8 @@ fn plan(process: &Process, pace: Pace) -> Plan {
         Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Sbs | BuiltIn::Fti | BuiltIn::Viewer) => {
             (Role::Consumer, false)
         }
+        // Without it nothing comes through.
+        Program::BuiltIn(BuiltIn::Injector) => (Role::Consumer, true),
         // Without its pictures the sonars go on.
         Program::BuiltIn(BuiltIn::Camera) | Program::Command(_) => (Role::Source, false),
     };

@@ -15,7 +15,7 @@ use bus::{DeploymentClock, Domain, Received};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
-use settings::{Program, Settings};
+use settings::{Program, RoutedService, Settings};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
 use std::io::{self, Read};
@@ -69,7 +69,8 @@ impl<'a> Supervisor<'a> {
     fn start(settings: &'a Settings, options: &'a Options) -> Result<Self, RunError> {
         let text = settings.to_toml()?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
-        let mut domain = Domain::open(settings.name.as_str(), options.speed)?;
+        let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
+        let mut domain = Domain::open_routed(settings.name.as_str(), options.speed, &routed)?;
         let settings_path = domain.directory().join("settings.toml");
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
         let ports = Some(Ports::open(&mut domain, clock)?);

@@ -1,0 +1,104 @@
+//! Messages as they are in shared memory, unchecked: what stands between a publisher and its readers takes and gives them.
+
+use std::rc::Rc;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::ipc;
+use messages::{Header, Kind, Payload};
+
+use crate::broken::BusError;
+use crate::fabric::{Opened, PubSub, listener};
+use crate::outlet::{Outlet, Refresh};
+use crate::slot::{HeaderSlot, Slot};
+
+/// A message with its header, whatever they say.
+#[derive(Debug, Clone, Copy)]
+pub struct Raw<T: Payload> {
+    header: Header,
+    payload: T,
+}
+
+/// Takes what publishers send on a service that does not go straight to its readers.
+pub struct Tap<T: Payload> {
+    subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
+    listener: Option<Rc<Listener<ipc::Service>>>,
+}
+
+/// Gives messages to the readers of a service as if their publisher had.
+pub struct Injection<T: Payload> {
+    outlet: Rc<Outlet<Slot<T>, HeaderSlot>>,
+}
+
+impl<T: Payload> Raw<T> {
+    /// Its place in the source stream.
+    #[must_use]
+    pub fn seq(&self) -> u64 {
+        self.header.seq
+    }
+
+    /// Sensor time, ns.
+    #[must_use]
+    pub fn stamp_ns(&self) -> u64 {
+        self.header.stamp_ns
+    }
+
+    /// Whether it says that the stream ends.
+    #[must_use]
+    pub fn is_end(&self) -> bool {
+        self.header.kind == Kind::End as u32
+    }
+
+    /// Turns over a bit of the payload, counted around its end; the checksum stays that of what it was.
+    pub fn turn_over(&mut self, bit: u64) {
+        let bytes = bytemuck::bytes_of_mut(&mut self.payload);
+        let at = bit % (8 * bytes.len() as u64).max(1);
+        if let Some(byte) = bytes.get_mut((at / 8) as usize) {
+            *byte ^= 1 << (at % 8);
+        }
+    }
+}
+
+impl<T: Payload> Tap<T> {
+    pub(crate) fn new(opened: &Opened<PubSub<T>>) -> Result<Self, BusError> {
+        let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+        Ok(Self { subscriber, listener: listener(opened)? })
+    }
+
+    /// The next message, if one waits.
+    ///
+    /// # Errors
+    /// When the connection to a sender cannot be made.
+    pub fn take(&self) -> Result<Option<Raw<T>>, BusError> {
+        let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", T::SERVICE.name, error))?;
+        Ok(received.map(|sample| Raw { header: sample.user_header().0, payload: sample.payload().0 }))
+    }
+
+    pub(crate) fn listener(&self) -> Option<Rc<Listener<ipc::Service>>> {
+        self.listener.clone()
+    }
+}
+
+impl<T: Payload> Injection<T> {
+    pub(crate) fn new(outlet: Outlet<Slot<T>, HeaderSlot>) -> Self {
+        Self { outlet: Rc::new(outlet) }
+    }
+
+    /// Sends a message as it is.
+    ///
+    /// # Errors
+    /// When no memory can be loaned or a reader cannot be reached.
+    pub fn send(&self, message: &Raw<T>) -> Result<(), BusError> {
+        let name = T::SERVICE.name;
+        let sample = self.outlet.publisher.loan_uninit().map_err(|error| BusError::refused("cannot loan for", name, error))?;
+        let mut sample = sample.write_payload(Slot(message.payload));
+        *sample.user_header_mut() = HeaderSlot(message.header);
+        sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
+        self.outlet.has_sent();
+        Ok(())
+    }
+
+    pub(crate) fn refresh(&self) -> Rc<dyn Refresh> {
+        self.outlet.clone()
+    }
+}

@@ -1,0 +1,319 @@
+//! `[injector]` and `[[fault]]`: faults on purpose, for tests and rehearsals.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::bounded::bounded;
+use crate::text::Name;
+
+bounded! {
+    /// A share of messages or of time.
+    FaultRate: f64 in 0.0..=1.0, "", default 1.0;
+    /// A time from the start of a run or of a stream.
+    FaultStart: f64 in 0.0..=86400.0, "s", default 0.0;
+    /// How long a fault lasts.
+    FaultLength: f64 in 0.0..=86400.0, "s", default 86400.0;
+    /// A delay, or the time between two bursts or kills.
+    FaultPeriod: f64 in 0.001..=3600.0, "s", default 1.0;
+    /// Decides which messages a fault hits.
+    FaultSeed: u32 in 0..=4294967295, "", default 1;
+}
+
+/// A service that can go through the injector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+pub enum RoutedService {
+    /// What the sonars measured.
+    #[serde(rename = "robot/scan")]
+    RobotScan,
+    /// What moves, as the sonars see it.
+    #[serde(rename = "motion/sonar")]
+    SonarMotion,
+    /// What moves, as the camera sees it.
+    #[serde(rename = "motion/camera")]
+    CameraMotion,
+    /// What FTI decides on each scan.
+    #[serde(rename = "map/verdict")]
+    Verdict,
+}
+
+/// `[injector]`: what stands between publishers and their readers when a process runs `"injector"`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub struct Injector {
+    /// The services that go through the injector. Those that a `[[fault]]` names do so anyway; `stillmap inject` can only disturb
+    /// a service that does.
+    pub services: Vec<RoutedService>,
+}
+
+/// What a fault does to the messages of a service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StreamFault {
+    /// Leaves messages out.
+    Drop,
+    /// Holds messages back for `by_s`; those behind them wait, too.
+    Delay,
+    /// Sends messages twice.
+    Duplicate,
+    /// Sends messages after the one that follows them.
+    Reorder,
+    /// Turns over bits of the payload, under the checksum of what it was.
+    Corrupt,
+    /// Holds everything back until the fault is over.
+    Stall,
+    /// Holds everything back and lets it go at once every `by_s`.
+    Burst,
+}
+
+/// What a fault does to a process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ProcessFault {
+    /// Kills it (SIGKILL), again every `by_s` if that is given.
+    Kill,
+    /// Stops it (SIGSTOP); at the end of the fault it goes on (SIGCONT).
+    Stop,
+    /// Stops it for a share of the time, its rate, many times a second.
+    Slow,
+    /// Lets no file of it grow, as a full disk does.
+    Disk,
+}
+
+/// Whom a fault concerns, and what it does.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Disturbance {
+    /// The messages of a service.
+    Service {
+        /// Which.
+        service: RoutedService,
+        /// What happens to them.
+        fault: StreamFault,
+    },
+    /// A process.
+    Process {
+        /// Its name in the deployment.
+        process: Name,
+        /// What happens to it.
+        fault: ProcessFault,
+    },
+}
+
+/// `[[fault]]`: a fault on purpose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Entry", into = "Entry")]
+pub struct PlannedFault {
+    /// Whom it concerns, and what it does.
+    pub disturbance: Disturbance,
+    /// The share of messages that it hits; for `slow`, the share of time.
+    pub rate: FaultRate,
+    /// When it begins.
+    pub from_s: FaultStart,
+    /// How long it lasts.
+    pub for_s: FaultLength,
+    /// By how much it delays, or how often it happens.
+    pub by_s: Option<FaultPeriod>,
+    /// Decides which messages it hits.
+    pub seed: FaultSeed,
+}
+
+/// A fault as it is written.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table")]
+struct Entry {
+    /// The service that is disturbed. Exactly one of `service` and `process` is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    service: Option<RoutedService>,
+    /// The process that is disturbed, by its name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    process: Option<Name>,
+    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall or burst; to a process: kill, stop, slow or disk.
+    kind: FaultKind,
+    /// The share of messages that are hit; for `slow`, the share of time that the process stands.
+    #[serde(default)]
+    rate: FaultRate,
+    /// When it begins: in sensor time after the first message of the service, or after the start of the run.
+    #[serde(default)]
+    from_s: FaultStart,
+    /// How long it lasts.
+    #[serde(default)]
+    for_s: FaultLength,
+    /// By how much `delay` delays and how often `burst` lets go, 1 s if it is not given; how often `kill` kills, once if it is not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    by_s: Option<FaultPeriod>,
+    /// Another seed hits other messages.
+    #[serde(default)]
+    seed: FaultSeed,
+}
+
+/// What happens, in one word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FaultKind {
+    /// Messages are left out.
+    Drop,
+    /// Messages come late.
+    Delay,
+    /// Messages come twice.
+    Duplicate,
+    /// Messages overtake each other.
+    Reorder,
+    /// Bits of the payload are turned over.
+    Corrupt,
+    /// Nothing comes until the fault is over.
+    Stall,
+    /// Messages come in heaps.
+    Burst,
+    /// The process is killed.
+    Kill,
+    /// The process stands still.
+    Stop,
+    /// The process stands still again and again.
+    Slow,
+    /// The process can write to no file.
+    Disk,
+}
+
+/// A fault that does not say whom it concerns, or that its target cannot have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "expected either a service with drop, delay, duplicate, reorder, corrupt, stall or burst, or a process with kill, stop, slow or disk"
+)]
+pub struct NoSuchFault;
+
+impl RoutedService {
+    /// Every service that can go through the injector.
+    pub const ALL: [Self; 4] = [Self::RobotScan, Self::SonarMotion, Self::CameraMotion, Self::Verdict];
+
+    /// Its name on the bus.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RobotScan => "robot/scan",
+            Self::SonarMotion => "motion/sonar",
+            Self::CameraMotion => "motion/camera",
+            Self::Verdict => "map/verdict",
+        }
+    }
+}
+
+impl Disturbance {
+    /// The disturbance of exactly one of a service and a process.
+    ///
+    /// # Errors
+    /// When neither or both are given, or it cannot happen to what is given.
+    pub fn new(service: Option<RoutedService>, process: Option<Name>, kind: FaultKind) -> Result<Self, NoSuchFault> {
+        let on_service = |fault| match (service, &process) {
+            (Some(service), None) => Ok(Self::Service { service, fault }),
+            _ => Err(NoSuchFault),
+        };
+        let on_process = |fault| match (service, &process) {
+            (None, Some(process)) => Ok(Self::Process { process: process.clone(), fault }),
+            _ => Err(NoSuchFault),
+        };
+        match kind {
+            FaultKind::Drop => on_service(StreamFault::Drop),
+            FaultKind::Delay => on_service(StreamFault::Delay),
+            FaultKind::Duplicate => on_service(StreamFault::Duplicate),
+            FaultKind::Reorder => on_service(StreamFault::Reorder),
+            FaultKind::Corrupt => on_service(StreamFault::Corrupt),
+            FaultKind::Stall => on_service(StreamFault::Stall),
+            FaultKind::Burst => on_service(StreamFault::Burst),
+            FaultKind::Kill => on_process(ProcessFault::Kill),
+            FaultKind::Stop => on_process(ProcessFault::Stop),
+            FaultKind::Slow => on_process(ProcessFault::Slow),
+            FaultKind::Disk => on_process(ProcessFault::Disk),
+        }
+    }
+
+    fn kind(&self) -> FaultKind {
+        match self {
+            Self::Service { fault, .. } => match fault {
+                StreamFault::Drop => FaultKind::Drop,
+                StreamFault::Delay => FaultKind::Delay,
+                StreamFault::Duplicate => FaultKind::Duplicate,
+                StreamFault::Reorder => FaultKind::Reorder,
+                StreamFault::Corrupt => FaultKind::Corrupt,
+                StreamFault::Stall => FaultKind::Stall,
+                StreamFault::Burst => FaultKind::Burst,
+            },
+            Self::Process { fault, .. } => match fault {
+                ProcessFault::Kill => FaultKind::Kill,
+                ProcessFault::Stop => FaultKind::Stop,
+                ProcessFault::Slow => FaultKind::Slow,
+                ProcessFault::Disk => FaultKind::Disk,
+            },
+        }
+    }
+}
+
+impl PlannedFault {
+    /// A fault that hits everything from the beginning to the end.
+    #[must_use]
+    pub fn always(disturbance: Disturbance) -> Self {
+        Self {
+            disturbance,
+            rate: FaultRate::default(),
+            from_s: FaultStart::default(),
+            for_s: FaultLength::default(),
+            by_s: None,
+            seed: FaultSeed::default(),
+        }
+    }
+}
+
+impl TryFrom<Entry> for PlannedFault {
+    type Error = NoSuchFault;
+
+    fn try_from(entry: Entry) -> Result<Self, NoSuchFault> {
+        let disturbance = Disturbance::new(entry.service, entry.process, entry.kind)?;
+        let Entry { rate, from_s, for_s, by_s, seed, .. } = entry;
+        Ok(Self { disturbance, rate, from_s, for_s, by_s, seed })
+    }
+}
+
+impl From<PlannedFault> for Entry {
+    fn from(fault: PlannedFault) -> Self {
+        let kind = fault.disturbance.kind();
+        let (service, process) = match fault.disturbance {
+            Disturbance::Service { service, .. } => (Some(service), None),
+            Disturbance::Process { process, .. } => (None, Some(process)),
+        };
+        let PlannedFault { rate, from_s, for_s, by_s, seed, .. } = fault;
+        Self { service, process, kind, rate, from_s, for_s, by_s, seed }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Serialize, Deserialize)]
+    struct File {
+        fault: Vec<PlannedFault>,
+    }
+
+    #[test]
+    fn every_kind_reads_as_it_was_written_and_no_other_goes() {
+        let services = ["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "burst"];
+        let processes = ["kill", "stop", "slow", "disk"];
+        for kind in services.into_iter().chain(processes) {
+            let (good, bad) = if services.contains(&kind) {
+                ("service = \"robot/scan\"", "process = \"mapping\"")
+            } else {
+                ("process = \"mapping\"", "service = \"robot/scan\"")
+            };
+            let text = |target: &str| format!("[[fault]]\nkind = \"{kind}\"\n{target}\nrate = 0.5\nseed = 7\n");
+            let read: File = toml::from_str(&text(good)).unwrap();
+            let again: File = toml::from_str(&toml::to_string(&read).unwrap()).unwrap();
+            assert_eq!(read.fault, again.fault);
+            for wrong in [bad, "", "service = \"robot/scan\"\nprocess = \"mapping\""] {
+                assert!(toml::from_str::<File>(&text(wrong)).is_err(), "{kind}: {wrong}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_names_of_services_are_those_of_the_file() {
+        for service in RoutedService::ALL {
+            assert_eq!(toml::Value::try_from(service).unwrap().as_str(), Some(service.name()));
+        }
+    }
+}

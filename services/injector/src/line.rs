@@ -1,0 +1,335 @@
+//! What becomes of the messages of one service.
+
+use std::collections::VecDeque;
+
+use settings::{PlannedFault, StreamFault};
+
+use crate::chance::{draw, happens};
+
+/// Most messages held back; the oldest goes on when there are more, as a full buffer would have it.
+const MOST_HELD: usize = 4096;
+/// Most bits turned over in one message.
+const MOST_BITS: u64 = 8;
+
+/// What the line carries.
+pub trait Cargo: Clone {
+    /// Its place in the stream.
+    fn seq(&self) -> u64;
+    /// Its sensor time, ns.
+    fn stamp_ns(&self) -> u64;
+    /// Whether it says that the stream ends.
+    fn is_end(&self) -> bool;
+    /// Turns over a bit of what it says.
+    fn turn_over(&mut self, bit: u64);
+}
+
+/// What has been done to the messages of a service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Messages taken.
+    pub taken: u64,
+    /// Messages left out.
+    pub dropped: u64,
+    /// Messages sent twice.
+    pub duplicated: u64,
+    /// Messages that the one behind them has overtaken.
+    pub overtaken: u64,
+    /// Messages with bits turned over.
+    pub corrupted: u64,
+    /// Messages held back for a while.
+    pub held: u64,
+}
+
+/// The messages of one service on their way through the injector.
+///
+/// Times of messages are sensor time, the schedule of faults too; how long a message is held is deployment time. The end of
+/// a stream is never left out, changed or overtaken: without it nobody could end in order.
+#[derive(Debug, Clone)]
+pub struct Line<C> {
+    faults: Vec<Scheduled>,
+    /// Stamp of the first message, ns.
+    began_ns: Option<u64>,
+    newest_ns: u64,
+    /// Messages and when they may go on, ns of deployment time.
+    held: VecDeque<(u64, C)>,
+    /// A message that waits for the next one.
+    overtaken: Option<C>,
+    counts: Counts,
+}
+
+#[derive(Debug, Clone)]
+struct Scheduled {
+    kind: StreamFault,
+    rate: f64,
+    seed: u64,
+    from_s: f64,
+    for_s: f64,
+    by_ns: u64,
+    /// Sensor time that `from_s` counts from; that of the first message when not given.
+    since_ns: Option<u64>,
+}
+
+impl<C: Cargo> Line<C> {
+    /// A line without faults. `began_ns` is the stamp of the stream's first message, when an earlier incarnation has seen it.
+    #[must_use]
+    pub fn new(began_ns: Option<u64>) -> Self {
+        Self { faults: Vec::new(), began_ns, newest_ns: 0, held: VecDeque::new(), overtaken: None, counts: Counts::default() }
+    }
+
+    /// Adds a fault that counts from the first message of the stream.
+    pub fn plan(&mut self, kind: StreamFault, fault: &PlannedFault) {
+        self.add(kind, fault, None);
+    }
+
+    /// Adds a fault that counts from now.
+    pub fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault) {
+        let since_ns = self.began_ns.map(|_| self.newest_ns);
+        self.add(kind, fault, since_ns);
+    }
+
+    fn add(&mut self, kind: StreamFault, fault: &PlannedFault, since_ns: Option<u64>) {
+        self.faults.push(Scheduled {
+            kind,
+            rate: fault.rate.get(),
+            // Two faults of one seed do not hit the same messages.
+            seed: u64::from(fault.seed.get()) | (self.faults.len() as u64 + 1) << 32,
+            from_s: fault.from_s.get(),
+            for_s: fault.for_s.get(),
+            by_ns: (fault.by_s.unwrap_or_default().get() * 1e9) as u64,
+            since_ns,
+        });
+    }
+
+    /// Takes a message at deployment time `now_ns`; what goes on at once is appended to `out`.
+    pub fn take(&mut self, mut message: C, now_ns: u64, out: &mut Vec<C>) {
+        let began_ns = *self.began_ns.get_or_insert(message.stamp_ns());
+        self.newest_ns = self.newest_ns.max(message.stamp_ns());
+        self.counts.taken += 1;
+        let (seq, end) = (message.seq(), message.is_end());
+        let mut until_ns = 0;
+        let (mut copies, mut overtaken) = (1, false);
+        for fault in &self.faults {
+            let active = fault.is_active(began_ns, message.stamp_ns());
+            if !active || !happens(fault.seed, seq, fault.rate) {
+                continue;
+            }
+            match fault.kind {
+                StreamFault::Delay => until_ns = until_ns.max(now_ns.saturating_add(fault.by_ns)),
+                StreamFault::Burst => until_ns = until_ns.max(next_multiple(now_ns, fault.by_ns)),
+                StreamFault::Stall => until_ns = until_ns.max(now_ns.saturating_add(fault.rest_ns(began_ns, message.stamp_ns()))),
+                _ if end => {}
+                StreamFault::Drop => copies = 0,
+                StreamFault::Duplicate => copies = copies.min(1) * 2,
+                StreamFault::Reorder => overtaken = true,
+                StreamFault::Corrupt => {
+                    self.counts.corrupted += 1;
+                    for turn in 0..=draw(fault.seed, seq, 1) % MOST_BITS {
+                        message.turn_over(draw(fault.seed, seq, 2 + turn));
+                    }
+                }
+            }
+        }
+        self.counts.dropped += u64::from(copies == 0);
+        self.counts.duplicated += u64::from(copies == 2);
+        self.counts.held += u64::from(until_ns > now_ns);
+        if overtaken && copies > 0 && self.overtaken.is_none() {
+            self.counts.overtaken += 1;
+            self.overtaken = Some(message);
+            return self.release(now_ns, out);
+        }
+        let before = if end { self.overtaken.take() } else { None };
+        let sent = std::iter::repeat_n(message, copies);
+        self.held.extend(before.into_iter().chain(sent).map(|message| (until_ns, message)));
+        if copies > 0 {
+            self.held.extend(self.overtaken.take().map(|message| (until_ns, message)));
+        }
+        self.release(now_ns, out);
+    }
+
+    /// Lets go what is due at deployment time `now_ns`, in the order it came.
+    pub fn release(&mut self, now_ns: u64, out: &mut Vec<C>) {
+        while self.held.len() > MOST_HELD || self.held.front().is_some_and(|(until_ns, _)| *until_ns <= now_ns) {
+            out.extend(self.held.pop_front().map(|(_, message)| message));
+        }
+    }
+
+    /// When something is due, ns of deployment time.
+    #[must_use]
+    pub fn due_ns(&self) -> Option<u64> {
+        self.held.front().map(|(until_ns, _)| *until_ns)
+    }
+
+    /// Lets go everything: the injector ends.
+    pub fn flush(&mut self, out: &mut Vec<C>) {
+        out.extend(self.held.drain(..).map(|(_, message)| message).chain(self.overtaken.take()));
+    }
+
+    /// Stamp of the first message, ns.
+    #[must_use]
+    pub fn began_ns(&self) -> Option<u64> {
+        self.began_ns
+    }
+
+    /// What has been done so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+}
+
+impl Scheduled {
+    /// Time within the fault, s; negative before it.
+    fn within_s(&self, began_ns: u64, stamp_ns: u64) -> f64 {
+        let since_ns = self.since_ns.unwrap_or(began_ns);
+        (stamp_ns as f64 - since_ns as f64) * 1e-9 - self.from_s
+    }
+
+    fn is_active(&self, began_ns: u64, stamp_ns: u64) -> bool {
+        (0.0..self.for_s).contains(&self.within_s(began_ns, stamp_ns))
+    }
+
+    /// Until its end, ns.
+    fn rest_ns(&self, began_ns: u64, stamp_ns: u64) -> u64 {
+        ((self.for_s - self.within_s(began_ns, stamp_ns)).max(0.0) * 1e9) as u64
+    }
+}
+
+fn next_multiple(now_ns: u64, period_ns: u64) -> u64 {
+    (now_ns / period_ns.max(1)).saturating_add(1).saturating_mul(period_ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use settings::{Disturbance, RoutedService};
+
+    const TENTH_NS: u64 = 100_000_000;
+
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    struct Letter {
+        seq: u64,
+        bits: u64,
+        end: bool,
+    }
+
+    impl Cargo for Letter {
+        fn seq(&self) -> u64 {
+            self.seq
+        }
+        fn stamp_ns(&self) -> u64 {
+            self.seq * TENTH_NS
+        }
+        fn is_end(&self) -> bool {
+            self.end
+        }
+        fn turn_over(&mut self, bit: u64) {
+            self.bits ^= 1 << (bit % 64);
+        }
+    }
+
+    fn fault(kind: StreamFault, change: impl Fn(&mut PlannedFault)) -> (StreamFault, PlannedFault) {
+        let mut fault = PlannedFault::always(Disturbance::Service { service: RoutedService::RobotScan, fault: kind });
+        change(&mut fault);
+        (kind, fault)
+    }
+
+    /// Sends 1 to `last` and the end, each at its own time; what arrived with when it did, in tenths of a second.
+    fn carried(last: u64, faults: &[(StreamFault, PlannedFault)]) -> (Vec<(u64, Letter)>, Counts) {
+        let mut line = Line::new(None);
+        faults.iter().for_each(|(kind, fault)| line.plan(*kind, fault));
+        let mut arrived = Vec::new();
+        for tenth in 1..=last + 200 {
+            let mut out = Vec::new();
+            match tenth {
+                _ if tenth <= last => line.take(Letter { seq: tenth, bits: 0, end: false }, tenth * TENTH_NS, &mut out),
+                _ if tenth == last + 1 => line.take(Letter { seq: last, bits: 0, end: true }, tenth * TENTH_NS, &mut out),
+                _ => line.release(tenth * TENTH_NS, &mut out),
+            }
+            arrived.extend(out.into_iter().map(|letter| (tenth, letter)));
+        }
+        (arrived, line.counts())
+    }
+
+    fn seqs(arrived: &[(u64, Letter)]) -> Vec<u64> {
+        arrived.iter().map(|(_, letter)| letter.seq).collect()
+    }
+
+    #[test]
+    fn without_faults_everything_goes_on_at_once() {
+        let (arrived, counts) = carried(5, &[]);
+        assert_eq!(seqs(&arrived), [1, 2, 3, 4, 5, 5]);
+        assert!(arrived[5].1.end && arrived.iter().take(5).all(|(tenth, letter)| *tenth == letter.seq));
+        assert_eq!(counts, Counts { taken: 6, ..Counts::default() });
+    }
+
+    #[test]
+    fn each_kind_does_its_one_thing_within_its_time() {
+        let some = |fault: &mut PlannedFault| {
+            fault.from_s = 0.3.try_into().unwrap();
+            fault.for_s = 0.2.try_into().unwrap();
+            fault.by_s = Some(0.3.try_into().unwrap());
+        };
+        // Messages 4 and 5 are those from 0.3 s to 0.5 s after message 1.
+        let (arrived, _) = carried(7, &[fault(StreamFault::Drop, some)]);
+        assert_eq!(seqs(&arrived), [1, 2, 3, 6, 7, 7]);
+        let (arrived, _) = carried(7, &[fault(StreamFault::Duplicate, some)]);
+        assert_eq!(seqs(&arrived), [1, 2, 3, 4, 4, 5, 5, 6, 7, 7]);
+        let (arrived, counts) = carried(7, &[fault(StreamFault::Reorder, some)]);
+        assert_eq!((seqs(&arrived), counts.overtaken), (vec![1, 2, 3, 5, 4, 6, 7, 7], 1));
+        let (arrived, _) = carried(7, &[fault(StreamFault::Delay, some)]);
+        assert_eq!(arrived.iter().map(|(tenth, _)| *tenth).collect::<Vec<_>>(), [1, 2, 3, 7, 8, 8, 8, 8]);
+        let (arrived, counts) = carried(7, &[fault(StreamFault::Stall, some)]);
+        assert_eq!((arrived.iter().map(|(tenth, _)| *tenth).collect::<Vec<_>>(), counts.held), (vec![1, 2, 3, 6, 6, 6, 7, 8], 2));
+        let (arrived, _) = carried(7, &[fault(StreamFault::Burst, some)]);
+        assert_eq!(arrived.iter().map(|(tenth, _)| *tenth).collect::<Vec<_>>(), [1, 2, 3, 6, 6, 6, 7, 8]);
+        let (arrived, counts) = carried(7, &[fault(StreamFault::Corrupt, some)]);
+        let damaged: Vec<u64> = arrived.iter().filter(|(_, letter)| letter.bits != 0).map(|(_, letter)| letter.seq).collect();
+        assert_eq!((damaged, counts.corrupted), (vec![4, 5], 2));
+    }
+
+    #[test]
+    fn a_message_that_is_sent_again_meets_the_same_fault() {
+        let half = |fault: &mut PlannedFault| fault.rate = 0.5.try_into().unwrap();
+        let mut line = Line::new(None);
+        let (kind, fault) = fault(StreamFault::Drop, half);
+        line.plan(kind, &fault);
+        let pass = |line: &mut Line<Letter>| {
+            let mut out = Vec::new();
+            (1..=100).for_each(|seq| line.take(Letter { seq, bits: 0, end: false }, seq, &mut out));
+            out
+        };
+        let first = pass(&mut line);
+        assert!((30..70).contains(&first.len()));
+        assert_eq!(pass(&mut line), first);
+    }
+
+    proptest! {
+        /// Whatever the faults, nothing is made up, the end comes last and once, and what is not dropped arrives.
+        #[test]
+        fn nothing_is_made_up_and_the_end_comes_last(
+            kinds in prop::collection::vec((0usize..7, 0.0f64..=1.0, 0.0f64..3.0, 0.0f64..3.0, 0.001f64..1.0, 0u32..9), 0..5),
+            last in 1u64..60,
+        ) {
+            const KINDS: [StreamFault; 7] = [
+                StreamFault::Drop, StreamFault::Delay, StreamFault::Duplicate, StreamFault::Reorder,
+                StreamFault::Corrupt, StreamFault::Stall, StreamFault::Burst,
+            ];
+            let faults: Vec<_> = kinds.iter().map(|(kind, rate, from_s, for_s, by_s, seed)| fault(KINDS[*kind], |fault| {
+                fault.rate = (*rate).try_into().unwrap();
+                fault.from_s = (*from_s).try_into().unwrap();
+                fault.for_s = (*for_s).try_into().unwrap();
+                fault.by_s = Some((*by_s).try_into().unwrap());
+                fault.seed = (*seed).try_into().unwrap();
+            })).collect();
+            let (arrived, counts) = carried(last, &faults);
+            prop_assert!(arrived.last().is_some_and(|(_, letter)| letter.end));
+            prop_assert_eq!(arrived.iter().filter(|(_, letter)| letter.end).count(), 1);
+            let distinct: std::collections::BTreeSet<u64> = arrived.iter().filter(|(_, l)| !l.end).map(|(_, l)| l.seq).collect();
+            prop_assert_eq!(distinct.len() as u64 + counts.dropped, last);
+            if !kinds.iter().any(|(kind, ..)| *kind == 3) {
+                prop_assert!(arrived.windows(2).all(|pair| pair[0].1.seq <= pair[1].1.seq), "order is kept");
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! One routed service on the bus.
+
+use bus::{BusError, Injection, Raw, Shell, Tap};
+use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
+use settings::{PlannedFault, RoutedService, StreamFault};
+
+use crate::line::{Cargo, Counts, Line};
+
+/// Most messages taken in one round, so that the heartbeat is never late.
+const TAKEN_PER_ROUND: usize = 256;
+
+impl<T: Payload> Cargo for Raw<T> {
+    fn seq(&self) -> u64 {
+        Raw::seq(self)
+    }
+
+    fn stamp_ns(&self) -> u64 {
+        Raw::stamp_ns(self)
+    }
+
+    fn is_end(&self) -> bool {
+        Raw::is_end(self)
+    }
+
+    fn turn_over(&mut self, bit: u64) {
+        Raw::turn_over(self, bit);
+    }
+}
+
+/// A service on its way through the injector, whatever it carries.
+pub(crate) trait Relay {
+    /// Takes what waits and gives what may go on; true when there may be more.
+    fn carry(&mut self, now_ns: u64) -> Result<bool, BusError>;
+    /// Gives everything that is held back.
+    fn flush(&mut self) -> Result<(), BusError>;
+    /// When something held back is due, ns of deployment time.
+    fn due_ns(&self) -> Option<u64>;
+    /// Adds a fault of the settings.
+    fn plan(&mut self, kind: StreamFault, fault: &PlannedFault);
+    /// Adds a fault that begins now.
+    fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault);
+    /// What has been done.
+    fn counts(&self) -> Counts;
+    /// Stamp of the first message, ns.
+    fn began_ns(&self) -> Option<u64>;
+}
+
+struct Carrier<T: Payload> {
+    tap: Tap<T>,
+    injection: Injection<T>,
+    line: Line<Raw<T>>,
+}
+
+/// Opens a routed service; `began_ns` is the stamp of its first message when an earlier incarnation has seen it.
+pub(crate) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>) -> Result<Box<dyn Relay>, BusError> {
+    Ok(match service {
+        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, began_ns)?),
+        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, began_ns)?),
+        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, began_ns)?),
+        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, began_ns)?),
+    })
+}
+
+impl<T: Payload> Carrier<T> {
+    fn open(shell: &mut Shell, began_ns: Option<u64>) -> Result<Self, BusError> {
+        Ok(Self { tap: shell.tap()?, injection: shell.injection()?, line: Line::new(began_ns) })
+    }
+
+    fn give(&self, messages: &[Raw<T>]) -> Result<(), BusError> {
+        messages.iter().try_for_each(|message| self.injection.send(message))
+    }
+}
+
+impl<T: Payload> Relay for Carrier<T> {
+    fn carry(&mut self, now_ns: u64) -> Result<bool, BusError> {
+        let mut due = Vec::new();
+        self.line.release(now_ns, &mut due);
+        let mut taken = 0;
+        while taken < TAKEN_PER_ROUND
+            && let Some(message) = self.tap.take()?
+        {
+            self.line.take(message, now_ns, &mut due);
+            taken += 1;
+        }
+        self.give(&due)?;
+        Ok(taken == TAKEN_PER_ROUND)
+    }
+
+    fn flush(&mut self) -> Result<(), BusError> {
+        let mut rest = Vec::new();
+        self.line.flush(&mut rest);
+        self.give(&rest)
+    }
+
+    fn due_ns(&self) -> Option<u64> {
+        self.line.due_ns()
+    }
+
+    fn plan(&mut self, kind: StreamFault, fault: &PlannedFault) {
+        self.line.plan(kind, fault);
+    }
+
+    fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault) {
+        self.line.disturb(kind, fault);
+    }
+
+    fn counts(&self) -> Counts {
+        self.line.counts()
+    }
+
+    fn began_ns(&self) -> Option<u64> {
+        self.line.began_ns()
+    }
+}

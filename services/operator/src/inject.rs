@@ -1,0 +1,96 @@
+//! `stillmap inject`: a fault on purpose in a running deployment.
+
+use crate::cli::InjectOptions;
+use crate::exit::BadInput;
+use crate::output;
+use crate::status::choose;
+use bus::{Reader, Received, RunningDomain, Tool};
+use injector::{Deed, Timetable, Victim};
+use messages::DeploymentStatus;
+use settings::{Disturbance, Name, PlannedFault, ProcessFault, Settings};
+use std::time::{Duration, Instant};
+
+/// How long a supervisor may take to tell which processes there are; it does so once a second.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Makes the fault: one of a service is the injector's to make, one of a process is made here until it is over.
+pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
+    let fault = injector::read_order("stillmap inject", &as_text(options))?;
+    let domain = choose(&options.which)?;
+    let settings = Settings::read(&domain.directory().join("settings.toml"))?;
+    match &fault.disturbance {
+        Disturbance::Service { service, .. } => {
+            let name = service.name();
+            if !settings.routed_services().contains(service) {
+                let how = format!("a process that runs \"injector\", and {name} in [injector] services");
+                return Err(
+                    BadInput(format!("{name} does not go through an injector in deployment {}: it needs {how}", domain.name())).into()
+                );
+            }
+            injector::give_order(domain.directory(), &fault)?;
+            output::line(&format!("{name}: {} for {} s", options.kind, options.for_s))?;
+            Ok(0)
+        }
+        Disturbance::Process { process, fault: kind } => {
+            if !settings.process.iter().any(|it| it.name == *process) {
+                return Err(BadInput(format!("deployment {} has no process {}", domain.name(), process.as_str())).into());
+            }
+            disturb(&domain, process, *kind, &fault)
+        }
+    }
+}
+
+fn as_text(options: &InjectOptions) -> String {
+    let mut text = format!("[[fault]]\nkind = {:?}\n", options.kind);
+    let named = [("service", &options.service), ("process", &options.process)];
+    text.extend(named.into_iter().filter_map(|(key, value)| Some(format!("{key} = {:?}\n", value.as_ref()?))));
+    text += &format!("rate = {:?}\nfor_s = {:?}\nseed = {}\n", options.rate, options.for_s, options.seed);
+    text.extend(options.by_s.map(|by_s| format!("by_s = {by_s:?}\n")));
+    text
+}
+
+/// Disturbs a process until the fault is over; seconds here are those of the wall clock.
+fn disturb(domain: &RunningDomain, process: &Name, kind: ProcessFault, fault: &PlannedFault) -> anyhow::Result<u8> {
+    let mut tool = Tool::join(domain)?;
+    let mut statuses = tool.reader::<DeploymentStatus>()?;
+    let mut timetable = Timetable::default();
+    timetable.plan(process, kind, fault, 0.0, -1.0);
+    let mut pid = None;
+    let asked = Instant::now();
+    while pid.is_none() {
+        if asked.elapsed() > PATIENCE {
+            return Err(anyhow::anyhow!("{} is not running, or its supervisor does not answer", process.as_str()));
+        }
+        tool.wait(Duration::from_millis(20))?;
+        hear(&mut statuses, process, &mut pid)?;
+    }
+    let started = Instant::now();
+    loop {
+        hear(&mut statuses, process, &mut pid)?;
+        let now_s = started.elapsed().as_secs_f64();
+        for (_, deed) in timetable.due(now_s) {
+            let done = pid.map(|pid| Victim::find(domain.pid(), pid).and_then(|victim| victim.suffer(deed)));
+            match (done, deed) {
+                (Some(Ok(())), Deed::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
+                (Some(Ok(())), _) | (None, _) => {}
+                // It died of it, or of something else: the next incarnation is heard of soon.
+                (Some(Err(error)), _) => tracing::debug!("{error}"),
+            }
+        }
+        match timetable.next_s(now_s) {
+            None => return Ok(0),
+            Some(next_s) => tool.wait(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0)))?,
+        }
+    }
+}
+
+/// Takes note of the process's id; it stays what it was when no news came.
+fn hear(statuses: &mut Reader<DeploymentStatus>, process: &Name, pid: &mut Option<u32>) -> anyhow::Result<()> {
+    while let Some(received) = statuses.take()? {
+        if let Received::Message(status) = received {
+            let all = status.processes.iter().take(status.count as usize);
+            *pid = all.filter(|it| it.process.as_str() == process.as_str() && it.pid != 0).map(|it| it.pid).next();
+        }
+    }
+    Ok(())
+}

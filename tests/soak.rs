@@ -1,0 +1,81 @@
+//! Random kills over replays of one recorded drive: every replay ends with the map of the undisturbed one.
+//!
+//! `STILLMAP_SOAK_KILLS` (default 60) kills are spread over as many replays as that takes, `STILLMAP_SOAK_PER_REPLAY` (default 20)
+//! at most in each; `STILLMAP_SOAK_SEED` chooses whom and when. The long run: `STILLMAP_SOAK_KILLS=1000 cargo test --release
+//! -p stillmap --test soak -- --nocapture`.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use harness::Bench;
+use harness::replays::{Dice, Watched, children, record_drive, replay_settings, sha256_of, try_kill};
+
+/// Longest pause between two kills, ms: about the time in which a killed process is back.
+const LONGEST_PAUSE_MS: usize = 120;
+
+fn number(variable: &str, default: u64) -> u64 {
+    std::env::var(variable).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
+fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+#[test]
+fn random_kills_leave_the_map_as_it_is() {
+    let (kills, per_replay) = (number("STILLMAP_SOAK_KILLS", 60), number("STILLMAP_SOAK_PER_REPLAY", 20));
+    let seed = number("STILLMAP_SOAK_SEED", 1);
+    let bench = Bench::new();
+    let log = record_drive(&bench);
+    let settings = bench.write("soak.toml", &replay_settings("soak", &log, ""));
+    let replay = || Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
+    let undisturbed = sha256_of(&replay().end());
+    say(&format!("seed {seed}: map {undisturbed}"));
+
+    let mut dice = Dice(seed);
+    let (mut killed, mut replays) = (0, 0);
+    let mut by_process: HashMap<String, u64> = HashMap::new();
+    let mut recoveries_ms: Vec<f64> = Vec::new();
+    while killed < kills {
+        let mut run = replay();
+        let mut down: HashMap<String, Instant> = HashMap::new();
+        let mut here = 0;
+        'replay: while here < per_replay && killed < kills {
+            let until = Instant::now() + Duration::from_millis(dice.below(LONGEST_PAUSE_MS) as u64);
+            loop {
+                match run.line(until.saturating_duration_since(Instant::now())) {
+                    None => break 'replay,
+                    Some(None) => break,
+                    Some(Some((at, line))) if line.contains("is up again") => {
+                        let back = down.keys().find(|name| line.contains(name.as_str())).cloned();
+                        recoveries_ms.extend(back.and_then(|name| down.remove(&name)).map(|since| (at - since).as_secs_f64() * 1e3));
+                    }
+                    Some(Some(_)) => {}
+                }
+            }
+            let alive = children(run.pid());
+            let Some((name, pid)) = alive.get(dice.below(alive.len().max(1))) else { continue };
+            if try_kill(*pid) {
+                down.entry(name.clone()).or_insert_with(Instant::now);
+                *by_process.entry(name.clone()).or_default() += 1;
+                killed += 1;
+                here += 1;
+            }
+        }
+        replays += 1;
+        let ended = run.end();
+        assert_eq!(sha256_of(&ended), undisturbed, "seed {seed}, replay {replays}, after {killed} kills:\n{}", ended.2);
+        if replays % 10 == 0 {
+            say(&format!("{killed} kills in {replays} replays, all maps equal"));
+        }
+    }
+    recoveries_ms.sort_by(f64::total_cmp);
+    let median = recoveries_ms.get(recoveries_ms.len() / 2).copied().unwrap_or_default();
+    let worst = recoveries_ms.last().copied().unwrap_or_default();
+    say(&format!("seed {seed}: {killed} kills in {replays} replays, all maps equal; killed: {by_process:?}"));
+    say(&format!("{} recoveries seen: median {median:.0} ms, worst {worst:.0} ms", recoveries_ms.len()));
+}
