@@ -17,11 +17,22 @@ const WATCHDOG: Duration = Duration::from_secs(240);
 pub(crate) struct Bench {
     runtime: tempfile::TempDir,
     files: tempfile::TempDir,
+    executable: PathBuf,
 }
 
 impl Bench {
     pub(crate) fn new() -> Self {
-        Self { runtime: tempfile::tempdir().unwrap(), files: tempfile::tempdir().unwrap() }
+        let executable = PathBuf::from(env!("CARGO_BIN_EXE_stillmap"));
+        Self { runtime: tempfile::tempdir().unwrap(), files: tempfile::tempdir().unwrap(), executable }
+    }
+
+    /// With a copy of the command of its own: a long run outlasts the next build.
+    pub(crate) fn with_a_copy() -> Self {
+        let mut bench = Self::new();
+        let copy = bench.path("stillmap");
+        std::fs::copy(&bench.executable, &copy).unwrap();
+        bench.executable = copy;
+        bench
     }
 
     /// A folder or file for the test's own use.
@@ -35,9 +46,14 @@ impl Bench {
         path
     }
 
+    /// The folder where its deployments live.
+    pub(crate) fn runtime(&self) -> &Path {
+        self.runtime.path()
+    }
+
     /// The `stillmap` command in this bench.
     pub(crate) fn stillmap<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+        let mut command = Command::new(&self.executable);
         command.args(arguments).env("STILLMAP_RUNTIME_DIR", self.runtime.path()).current_dir(self.files.path());
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
@@ -147,8 +163,12 @@ fn collect(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<Vec<
 }
 
 pub(crate) fn kill(pid: u64) {
+    signal(pid, rustix::process::Signal::KILL);
+}
+
+pub(crate) fn signal(pid: u64, signal: rustix::process::Signal) {
     let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
+    rustix::process::kill_process(pid, signal).unwrap();
 }
 
 pub(crate) fn text(bytes: &[u8]) -> String {

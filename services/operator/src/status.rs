@@ -116,7 +116,7 @@ fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
 
 /// Columns as wide as their widest entry; numbers to the right.
 fn as_table(status: &DeploymentStatus) -> String {
-    let head = ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "lost", "cpu", "memory", "note"];
+    let head = ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "lost", "refused", "cpu", "memory", "note"];
     let row = |it: &ProcessStatus| {
         let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
         [
@@ -128,12 +128,13 @@ fn as_table(status: &DeploymentStatus) -> String {
             format!("{:.1}", it.received_per_s),
             format!("{:.1}", it.sent_per_s),
             it.lost.to_string(),
+            it.refused.to_string(),
             format!("{:.1} %", it.cpu * 100.0),
             format!("{:.1} MB", it.resident_bytes as f64 / 1e6),
             it.note.to_string(),
         ]
     };
-    let rows: Vec<[String; 11]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
+    let rows: Vec<[String; 12]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..head.len()).map(width).collect();
     let ending = if status.ending == 1 { ", ending" } else { "" };
@@ -141,7 +142,7 @@ fn as_table(status: &DeploymentStatus) -> String {
     for row in &rows {
         let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
             0 | 1 => format!("{cell:<width$}"),
-            10 => cell.clone(),
+            11 => cell.clone(),
             _ => format!("{cell:>width$}"),
         });
         text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
@@ -178,9 +179,9 @@ mod tests {
         };
         let expected = "\
 demo, up 12 s
-process  state     pid  restarts  heartbeat  in/s  out/s  lost    cpu  memory  note
-mapping  running  4711         0      0.1 s  10.0    0.0     0  1.3 %  4.2 MB  12 tiles
-pioneer  backoff     -         2          -   0.0    0.0     0  0.0 %  0.0 MB
+process  state     pid  restarts  heartbeat  in/s  out/s  lost  refused    cpu  memory  note
+mapping  running  4711         0      0.1 s  10.0    0.0     0        0  1.3 %  4.2 MB  12 tiles
+pioneer  backoff     -         2          -   0.0    0.0     0        0  0.0 %  0.0 MB
 ";
         assert_eq!(as_table(&status), expected);
     }

@@ -131,7 +131,11 @@ impl<T: Logged> Input<T> {
                     look(&message);
                     tape.record(|recording| put(recording, message.seq(), message.stamp_ns(), &message))?;
                 }
-                Some(Received::End { seq }) => tape.record(|recording| recording.end::<T>(seq, self.last_stamp_ns))?,
+                Some(Received::End { seq }) => {
+                    // What was lost before the end does not come any more.
+                    self.last_seq = self.last_seq.max(seq);
+                    tape.record(|recording| recording.end::<T>(seq, self.last_stamp_ns))?;
+                }
             }
         }
         Ok(true)

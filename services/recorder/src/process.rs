@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError};
-use drivelog::WriteError;
+use drivelog::{Preamble, WriteError};
 use messages::{CameraFrame, DeploymentStatus, ProcessState, SonarScan};
 use settings::{Pace, Settings};
 
@@ -52,15 +52,18 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     let membership = shell.membership();
     let path = settings.out.join(settings.recorder.file.as_str());
     let made = if membership.incarnation() == 0 { LogFile::first(&path) } else { LogFile::next(&path) };
-    let file = made.map_err(|source| RecorderError::File { path, source })?;
+    let file = made.map_err(|source| RecorderError::File { path: path.clone(), source })?;
     tracing::info!("recording into {}", file.path().display());
-    let tape = Tape::new(&describe(membership.run(), settings)?)?;
+    let preamble = describe(membership.run(), settings)?;
+    let tape = Tape::new(&preamble)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
     let safe = Answered::from_bytes(&load(&checkpoint));
     let mut recorder = Recorder {
         inputs: Inputs::open(&mut shell, settings.recorder.pictures)?,
         tape,
+        preamble,
+        first_path: path,
         file,
         checkpoint,
         name,
@@ -112,6 +115,9 @@ fn load(checkpoint: &Checkpoint) -> Vec<u8> {
 struct Recorder {
     inputs: Inputs,
     tape: Tape,
+    preamble: Preamble,
+    /// The first file of the log.
+    first_path: PathBuf,
     file: LogFile,
     checkpoint: Checkpoint,
     name: String,
@@ -174,17 +180,14 @@ impl Recorder {
         self.held.scan >= self.hold || frames_are_due || self.flushed_at.elapsed() >= self.flush_every
     }
 
-    /// Brings what was recorded into the file. When that refuses, recording goes on once it takes it.
+    /// Brings what was recorded into the file. When that refuses, recording goes on in a new one once the disk takes it.
     fn flush(&mut self) -> Result<(), StepError> {
         self.flushed_at = Instant::now();
-        let was_blocked = self.tape.is_blocked();
-        match self.file.append(self.tape.flush()?) {
+        let written = if self.tape.is_blocked() { self.go_on_in_a_new_file()? } else { self.file.append(self.tape.flush()?) };
+        match written {
             Ok(()) => {
                 self.tape.taken();
                 self.trouble = None;
-                if was_blocked {
-                    tracing::info!("recording again; {} messages were not recorded", self.tape.left_out());
-                }
             }
             Err(error) => {
                 self.tape.refused();
@@ -203,8 +206,30 @@ impl Recorder {
         Ok(())
     }
 
+    /// Ends the file that refused, with what it lacks and its index, and begins the next part of the log.
+    fn go_on_in_a_new_file(&mut self) -> Result<io::Result<()>, StepError> {
+        if let Err(error) = self.file.append(self.tape.finish()?) {
+            return Ok(Err(error));
+        }
+        self.tape.taken();
+        let mut tape = self.tape.next(&self.preamble)?;
+        let begun = LogFile::next(&self.first_path).and_then(|mut file| match file.append(tape.flush().map_err(io::Error::other)?) {
+            Ok(()) => Ok(file),
+            // A part without its beginning would be taken for a damaged log.
+            Err(error) => std::fs::remove_file(file.path()).and(Err(error)),
+        });
+        Ok(begun.map(|file| {
+            tracing::info!("recording again, into {}; {} messages were not recorded", file.path().display(), tape.left_out());
+            (self.file, self.tape) = (file, tape);
+        }))
+    }
+
     fn say_trouble(&mut self, error: &io::Error) {
-        let what = if error.kind() == io::ErrorKind::StorageFull { "the disk is full" } else { "the log cannot be written" };
+        let what = match error.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "the disk is full",
+            io::ErrorKind::FileTooLarge => "the log may grow no further",
+            _ => "the log cannot be written",
+        };
         let trouble = format!("{what}: {}: {error}", self.file.path().display());
         if self.trouble.as_ref() != Some(&trouble) {
             tracing::error!("{trouble}; what comes is not recorded until it can be");

@@ -4,8 +4,8 @@ use drivelog::{Preamble, Recording, WriteError};
 
 /// A log on its way to a file that may refuse it for a while.
 ///
-/// What was recorded before the file refused is kept and offered again; what comes until it takes it is counted and left
-/// out, so that the memory does not grow.
+/// What was recorded before the file refused is kept and offered again, to end that file; what comes until it takes it is
+/// counted and left out, so that the memory does not grow. Then the log goes on in a new file with the [next](Self::next) tape.
 pub struct Tape {
     /// None once it is finished.
     recording: Option<Recording>,
@@ -23,6 +23,14 @@ impl Tape {
     /// When the preamble is too large for the format.
     pub fn new(preamble: &Preamble) -> Result<Self, WriteError> {
         Ok(Self { recording: Some(Recording::new(preamble)?), ready: Vec::new(), blocked: false, recorded: 0, left_out: 0 })
+    }
+
+    /// An empty log after this one, which goes on counting what was recorded and left out.
+    ///
+    /// # Errors
+    /// As [`Tape::new`].
+    pub fn next(&self, preamble: &Preamble) -> Result<Self, WriteError> {
+        Ok(Self { recorded: self.recorded, left_out: self.left_out, ..Self::new(preamble)? })
     }
 
     /// Records what `put` adds, unless the file refuses.

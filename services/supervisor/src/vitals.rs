@@ -72,7 +72,7 @@ impl Vitals {
     /// The process as the supervisor tells of it; `pid` 0 when no child runs.
     pub(crate) fn status(&self, lifecycle: &Lifecycle, pid: u32, now: Duration) -> ProcessStatus {
         let last = self.heartbeat.as_ref().map(|(_, heartbeat)| heartbeat);
-        let note = if lifecycle.cause().is_empty() { last.map(|h| h.note).unwrap_or_default() } else { Text::new(lifecycle.cause()) };
+        let note = if lifecycle.cause().is_empty() { self.note() } else { Text::new(lifecycle.cause()) };
         let age = self.heartbeat.as_ref().map(|(at, _)| now.saturating_sub(*at).as_millis() as u64);
         let counters_count = last.map_or(0, |h| h.counters_count);
         ProcessStatus {
@@ -93,6 +93,19 @@ impl Vitals {
             state: lifecycle.process_state() as u32,
             restarts: lifecycle.restarted(),
         }
+    }
+
+    /// What the process says, behind what it had to refuse: that is somebody else's fault, and nobody else tells it.
+    fn note(&self) -> Text<128> {
+        let Some((_, heartbeat)) = &self.heartbeat else { return Text::default() };
+        let inputs = heartbeat.inputs.iter().take(heartbeat.inputs_count as usize);
+        let mut words: Vec<String> =
+            inputs.filter(|input| input.refused > 0).map(|input| format!("refused {} of {}", input.refused, input.service)).collect();
+        if words.is_empty() {
+            return heartbeat.note;
+        }
+        words.extend(Some(heartbeat.note.to_string()).filter(|note| !note.is_empty()));
+        Text::new(&words.join("; "))
     }
 
     fn inputs_sum(&self, count: impl Fn(&messages::InputCounters) -> u64) -> u64 {
@@ -120,7 +133,7 @@ mod tests {
     fn heartbeat(received: u64, sent: u64) -> Heartbeat {
         let mut it = Heartbeat { sent, inputs_count: 2, note: Text::new("searching"), ..Heartbeat::default() };
         it.inputs[0] = InputCounters { received, lost: 3, ..InputCounters::default() };
-        it.inputs[1] = InputCounters { received: 1, refused: 2, ..InputCounters::default() };
+        it.inputs[1] = InputCounters { service: Text::new("map/verdict"), received: 1, refused: 2, ..InputCounters::default() };
         it.inputs[2] = InputCounters { received: 999, ..InputCounters::default() };
         it
     }
@@ -139,7 +152,7 @@ mod tests {
         assert_eq!((status.received, status.sent, status.lost, status.refused), (100, 40, 3, 2));
         assert_eq!((status.received_per_s, status.sent_per_s, status.cpu), (50.0, 20.0, 0.25));
         assert_eq!((status.resident_bytes, status.heartbeat_age_ms, status.pid), (3 * 4096, 2000, 7));
-        assert_eq!(status.note.as_str(), "searching");
+        assert_eq!(status.note.as_str(), "refused 2 of map/verdict; searching");
     }
 
     #[test]

@@ -45,6 +45,9 @@ const TESTS: &[(&str, fn())] = &[
     ("a_child_that_ignores_sigterm_is_killed", a_child_that_ignores_sigterm_is_killed),
     ("a_program_that_is_not_there_fails", a_program_that_is_not_there_fails),
     ("a_flood_of_words_stops_nobody", a_flood_of_words_stops_nobody),
+    ("a_process_that_never_joins_fails", a_process_that_never_joins_fails),
+    ("nonsense_is_refused_and_named", nonsense_is_refused_and_named),
+    ("a_flood_of_messages_stops_nobody", a_flood_of_messages_stops_nobody),
     ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
 ];
 
@@ -168,6 +171,28 @@ fn a_flood_of_words_stops_nobody() {
     assert_eq!((outcome.exit_code(), restarts(&outcome, "floods"), restarts(&outcome, "counts")), (0, 0, 0));
 }
 
+fn a_process_that_never_joins_fails() {
+    let text = settings(&["never-joins", "counts"]).replace("restarts = 3", "restarts = 0\nstartup_deadline_s = 2.0");
+    let (outcome, _) = supervise_text(&text);
+    assert_eq!(outcome.exit_code(), 3);
+    let (name, cause) = outcome.failures().next().unwrap();
+    assert_eq!(name, "never-joins");
+    assert!(cause.starts_with("gave no sign of life within 2.0 s of its start"), "{cause}");
+}
+
+fn nonsense_is_refused_and_named() {
+    let (outcome, statuses) = supervise(&["listens", "talks-nonsense"]);
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "listens"), restarts(&outcome, "talks-nonsense")), (0, 0, 0));
+    let named = |it: &DeploymentStatus| it.processes[0].refused > 0 && it.processes[0].note.as_str().contains("of robot/scan; at work");
+    assert!(statuses.iter().any(named), "{:?}", statuses.last().map(|it| it.processes[0]));
+    assert!(statuses.iter().all(|it| it.processes[0].received == 0), "none of it was taken");
+}
+
+fn a_flood_of_messages_stops_nobody() {
+    let (outcome, _) = supervise(&["listens", "floods-the-bus"]);
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "listens"), restarts(&outcome, "floods-the-bus")), (0, 0, 0));
+}
+
 fn nothing_outlives_a_killed_supervisor() {
     let runtime = PathBuf::from(std::env::var_os("STILLMAP_RUNTIME_DIR").unwrap());
     let mut supervisor =
@@ -201,6 +226,9 @@ fn child(behaviour: &str) -> ExitCode {
         eprintln!("settings.toml:3: refused");
         return ExitCode::from(2);
     }
+    if behaviour == "never-joins" {
+        wait_until(|| false);
+    }
     let mut shell = Shell::join(membership).unwrap();
     if behaviour == "finds-broken-once" {
         let checkpoint = shell.checkpoint();
@@ -218,6 +246,9 @@ fn child(behaviour: &str) -> ExitCode {
         "finds-broken-once" => Work::Counts { rounds: 1, every: Duration::ZERO },
         "ignores-sigterm" => Work::Ignores,
         "floods" => Work::Floods,
+        "listens" => Work::Listens(shell.reader().unwrap()),
+        "talks-nonsense" => Work::TalksNonsense,
+        "floods-the-bus" => Work::FloodsTheBus,
         "runs" => {
             std::fs::write(directory.join("runs-is-up.part"), std::process::id().to_string()).unwrap();
             std::fs::rename(directory.join("runs-is-up.part"), directory.join("runs-is-up")).unwrap();
@@ -238,6 +269,9 @@ enum Work {
     Hangs,
     Ignores,
     Floods,
+    Listens(bus::Reader<SonarScan>),
+    TalksNonsense,
+    FloodsTheBus,
 }
 
 struct Child {
@@ -251,19 +285,33 @@ impl Process for Child {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         self.seq += 1;
         context.note("at work");
-        match self.work {
-            Work::Counts { rounds, .. } if self.seq > rounds => {
+        match &mut self.work {
+            Work::Counts { rounds, .. } if self.seq > *rounds => {
                 self.scans.end(self.seq - 1, 0)?;
-                self.summaries.send(1, 0, &MapSummary { scans: rounds, ..MapSummary::default() })?;
+                self.summaries.send(1, 0, &MapSummary { scans: *rounds, ..MapSummary::default() })?;
                 return Ok(Next::Finished);
             }
             Work::Counts { every, .. } => {
                 self.scans.send(self.seq, 0, &SonarScan::default())?;
-                return Ok(Next::WaitAtMost(every));
+                return Ok(Next::WaitAtMost(*every));
+            }
+            Work::Listens(scans) => while scans.take()?.is_some() {},
+            Work::TalksNonsense if self.seq > 150 => return Ok(Next::Finished),
+            Work::TalksNonsense => {
+                let pose = messages::Pose { x_m: f64::NAN, ..messages::Pose::default() };
+                self.scans.send(self.seq, self.seq, &SonarScan { pose, ..SonarScan::default() })?;
+                return Ok(Next::WaitAtMost(Duration::from_millis(10)));
+            }
+            Work::FloodsTheBus if self.seq > 100 => return Ok(Next::Finished),
+            Work::FloodsTheBus => {
+                for message in 1..=1_000 {
+                    self.scans.send(self.seq * 1_000 + message, self.seq, &SonarScan::default())?;
+                }
+                return Ok(Next::Again);
             }
             // The first rounds are as they should be.
             _ if self.seq < 5 => return Ok(Next::Again),
-            Work::Exits(code) => std::process::exit(i32::from(code)),
+            Work::Exits(code) => std::process::exit(i32::from(*code)),
             Work::Kills => rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)?,
             Work::Hangs => wait_until(|| false),
             Work::Ignores => return Ok(Next::Wait),

@@ -1,0 +1,283 @@
+//! Faults on whole deployments: kills at chosen moments, disturbed messages, processes that hang, crash or find a full disk.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use std::collections::HashMap;
+use std::os::unix::fs::MetadataExt;
+use std::path::PathBuf;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+
+use harness::replays::{Watched, children, record_drive, replay_settings, sha256_of, try_kill};
+use harness::{Bench, Run, text};
+
+/// A test that waits for longer than this for a moment to come has missed it.
+const MISSED: Duration = Duration::from_secs(120);
+
+/// One recorded drive for all tests, and the map of its undisturbed replay.
+static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
+    let bench = Bench::new();
+    let log = record_drive(&bench);
+    let settings = bench.write("undisturbed.toml", &replay_settings("undisturbed", &log, ""));
+    let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
+    (bench, log, map)
+});
+
+/// When a process is killed.
+#[derive(Debug, Clone, Copy)]
+enum Moment {
+    /// As soon as it is there.
+    Starting,
+    /// Once everybody works.
+    Steady,
+    /// While messages wait for it that it has not taken.
+    HoldingSamples,
+    /// While it writes a checkpoint, or as soon as it has.
+    WritingACheckpoint,
+    /// When the run ends.
+    ShuttingDown,
+}
+
+const MOMENTS: [Moment; 5] = [Moment::Starting, Moment::Steady, Moment::HoldingSamples, Moment::WritingACheckpoint, Moment::ShuttingDown];
+
+/// Replays the drive once for each moment, kills the process then, and compares the map.
+#[track_caller]
+fn leaves_the_map_as_it_is(process: &str) {
+    let (_, log, undisturbed) = &*DRIVE;
+    for moment in MOMENTS {
+        // STD is over as soon as the scans are: nobody tells before.
+        if process == "std" && matches!(moment, Moment::ShuttingDown) {
+            continue;
+        }
+        let bench = Bench::new();
+        let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
+        let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
+        let state = bench.runtime().join("replay/state");
+        match moment {
+            Moment::Starting => {}
+            Moment::Steady => drop(run.wait_for_line("playback   is up")),
+            Moment::HoldingSamples => {
+                drop(run.wait_for_line("playback   is up"));
+                let pid = pid_of(run.pid(), process);
+                harness::signal(pid, rustix::process::Signal::STOP);
+                // Lockstep stands when the window is full; whoever does not read has messages waiting then.
+                let played = |it: &serde_json::Value| process == "playback" || it["counters"]["scans played"].as_u64() > Some(0);
+                drop(bench.wait_for("playback", "it has played", played));
+            }
+            Moment::WritingACheckpoint => {
+                let (fresh, kept) = (state.join(format!("{process}.fresh")), state.join(format!("{process}.checkpoint")));
+                let inode = || std::fs::metadata(&kept).ok().map(|it| it.ino());
+                let (since, before) = (Instant::now(), inode());
+                while !fresh.exists() && inode() == before {
+                    assert!(since.elapsed() < MISSED, "{process} writes no checkpoint");
+                    std::hint::spin_loop();
+                }
+            }
+            // Who ends one after the other when the scans have.
+            Moment::ShuttingDown => drop(run.wait_for_line(match process {
+                "fti" => "std        finished",
+                "mapping" => "fti        finished",
+                "playback" => "mapping    finished",
+                _ => "the drive has ended",
+            })),
+        }
+        // At the end it may be over already.
+        let there = children(run.pid()).into_iter().find(|(name, _)| name == process);
+        let killed = match (moment, there) {
+            (Moment::ShuttingDown, None) => false,
+            (_, Some((_, pid))) => try_kill(pid),
+            (_, None) => try_kill(pid_of(run.pid(), process)),
+        };
+        assert!(killed || matches!(moment, Moment::ShuttingDown), "{process} was not there to be killed {moment:?}");
+        let ended = run.end();
+        assert_eq!(&sha256_of(&ended), undisturbed, "{process} killed {moment:?}:\n{}", ended.2);
+        if killed {
+            assert!(ended.1.contains(&format!("{process} once")) || matches!(moment, Moment::ShuttingDown), "{}", ended.1);
+        }
+    }
+}
+
+fn pid_of(supervisor: u32, process: &str) -> u64 {
+    let since = Instant::now();
+    loop {
+        if let Some((_, pid)) = children(supervisor).into_iter().find(|(name, _)| name == process) {
+            return pid;
+        }
+        assert!(since.elapsed() < MISSED, "{process} is not there");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn mapping_killed_at_any_moment() {
+    leaves_the_map_as_it_is("mapping");
+}
+
+#[test]
+fn std_killed_at_any_moment() {
+    leaves_the_map_as_it_is("std");
+}
+
+#[test]
+fn fti_killed_at_any_moment() {
+    leaves_the_map_as_it_is("fti");
+}
+
+#[test]
+fn playback_killed_at_any_moment() {
+    leaves_the_map_as_it_is("playback");
+}
+
+#[test]
+fn recorder_killed_at_any_moment() {
+    leaves_the_map_as_it_is("recorder");
+}
+
+const INJECTOR: &str = "[[process]]\nname = \"injector\"\nrun = \"injector\"\n";
+
+fn faults(faults: &[&str]) -> String {
+    faults.iter().map(|fault| format!("[[fault]]\n{fault}\n")).collect()
+}
+
+/// Replays the drive in lockstep with an injector and these faults: exit code, map, what was said.
+fn disturbed(faults_on_services: &[&str]) -> (Option<i32>, String, String) {
+    let (_, log, _) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = replay_settings("replay", log, &format!("{INJECTOR}{}", faults(faults_on_services)));
+    let settings = bench.write("replay.toml", &settings);
+    Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end()
+}
+
+#[test]
+fn what_comes_late_twice_or_in_heaps_leaves_the_map_as_it_is() {
+    let all = ["robot/scan", "motion/sonar", "map/verdict"].map(|service| {
+        [
+            format!("service = {service:?}\nkind = \"duplicate\"\nrate = 0.3"),
+            format!("service = {service:?}\nkind = \"delay\"\nrate = 0.05\nby_s = 0.01\nseed = 2"),
+            format!("service = {service:?}\nkind = \"burst\"\nby_s = 0.02\nfrom_s = 5.0\nfor_s = 10.0"),
+        ]
+    });
+    let all: Vec<&str> = all.iter().flatten().map(String::as_str).collect();
+    let ended = disturbed(&all);
+    assert_eq!(sha256_of(&ended), DRIVE.2, "{}", ended.2);
+    assert!(!ended.1.contains("restarted"), "{}", ended.1);
+}
+
+#[test]
+fn corrupt_and_missing_messages_are_counted_and_end_nothing() {
+    let ended = disturbed(&[
+        "service = \"robot/scan\"\nkind = \"corrupt\"\nrate = 0.1",
+        "service = \"motion/sonar\"\nkind = \"corrupt\"\nrate = 0.1\nseed = 3",
+        "service = \"motion/sonar\"\nkind = \"drop\"\nrate = 0.1\nseed = 4",
+        "service = \"map/verdict\"\nkind = \"corrupt\"\nrate = 0.1\nseed = 5",
+        "service = \"map/verdict\"\nkind = \"reorder\"\nrate = 0.1\nseed = 6",
+    ]);
+    let (code, stdout, stderr) = &ended;
+    assert_eq!(*code, Some(0), "{stdout}{stderr}");
+    assert!(!stdout.contains("restarted"), "{stdout}");
+    let mut refused: HashMap<(String, String), usize> = HashMap::new();
+    for line in stderr.lines().filter(|line| line.contains("refused message")) {
+        assert!(line.contains("its checksum is"), "{line}");
+        let process = line.split_whitespace().nth(2).unwrap().to_owned();
+        let service = ["robot/scan", "motion/sonar", "map/verdict"].into_iter().find(|name| line.contains(name)).unwrap();
+        *refused.entry((process, service.to_owned())).or_default() += 1;
+    }
+    let of = |process: &str, service: &str| refused.get(&(process.to_owned(), service.to_owned())).copied().unwrap_or_default();
+    let scans = of("mapping", "robot/scan");
+    assert!(scans > 10, "{refused:?}");
+    assert_eq!((of("std", "robot/scan"), of("fti", "robot/scan"), of("recorder", "robot/scan")), (scans, scans, scans));
+    assert!(of("fti", "motion/sonar") > 10 && of("mapping", "map/verdict") > 10, "{refused:?}");
+    assert_ne!(sha256_of(&ended), DRIVE.2, "what is missing is missed");
+    // The same faults, the same map.
+    assert_eq!(sha256_of(&disturbed(&["service = \"robot/scan\"\nkind = \"corrupt\"\nrate = 0.1"])), {
+        sha256_of(&disturbed(&["service = \"robot/scan\"\nkind = \"drop\"\nrate = 0.1"]))
+    });
+}
+
+/// A live replay at the pace of the drive, times two.
+fn live(bench: &Bench, more: &str, supervisor: &str) -> Run {
+    let (_, log, _) = &*DRIVE;
+    let settings = replay_settings("live", log, more).replace("\"lockstep\"", "\"live\"");
+    let (head, _) = settings.split_once("[supervisor]").unwrap();
+    let settings = bench.write("live.toml", &format!("{head}[supervisor]\n{supervisor}\n"));
+    Run::start(bench.stillmap(["run", settings.to_str().unwrap(), "--speed", "2"]))
+}
+
+#[test]
+fn status_names_what_was_refused() {
+    let bench = Bench::new();
+    let more = format!("{INJECTOR}[injector]\nservices = [\"robot/scan\"]\n");
+    let run = live(&bench, &more, "");
+    drop(bench.wait_for("mapping", "it maps", |it| it["received"].as_u64() > Some(5)));
+    let inject = |words: &[&str]| bench.output(["inject"].iter().chain(words));
+    let unrouted = inject(&["--service", "map/verdict", "drop"]);
+    assert_eq!(unrouted.status.code(), Some(2));
+    assert!(text(&unrouted.stderr).contains("map/verdict does not go through an injector"), "{}", text(&unrouted.stderr));
+    let impossible = inject(&["--process", "mapping", "drop"]);
+    assert_eq!(impossible.status.code(), Some(2));
+    assert_eq!(inject(&["--service", "robot/scan", "corrupt", "--rate", "0.5"]).status.code(), Some(0));
+    let mapping = bench.wait_for("mapping", "it has refused scans", |it| it["refused"].as_u64() > Some(5));
+    assert!(mapping["note"].as_str().unwrap().contains("of robot/scan"), "{mapping}");
+    assert_eq!(inject(&["--process", "std", "kill"]).status.code(), Some(0));
+    drop(bench.wait_for("std", "it is back", |it| it["restarts"] == 1 && it["state"] == "running"));
+    let ended = run.end();
+    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    assert!(text(&ended.stdout).contains("std once"), "{}", text(&ended.stdout));
+}
+
+#[test]
+fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
+    let bench = Bench::new();
+    let more = format!(
+        "{INJECTOR}{}",
+        faults(&[
+            "process = \"std\"\nkind = \"stop\"\nfrom_s = 4.0\nfor_s = 60.0",
+            "process = \"fti\"\nkind = \"kill\"\nfrom_s = 8.0\nby_s = 0.1"
+        ])
+    );
+    let run = live(&bench, &more, "restarts = 3\nheartbeat_timeout_s = 1.0\nstop_deadline_s = 2.0");
+    drop(bench.wait_for("std", "it hung and is back", |it| it["restarts"] == 1 && it["state"] == "running"));
+    let fti = bench.wait_for("fti", "it has failed", |it| it["state"] == "failed");
+    assert!(fti["note"].as_str().unwrap().contains("3 restarts in"), "{fti}");
+    let ended = run.end();
+    let (stdout, stderr) = (text(&ended.stdout), text(&ended.stderr));
+    assert_eq!(ended.status.code(), Some(3), "{stdout}{stderr}");
+    assert!(stderr.contains("gave no sign of life"), "{stderr}");
+    assert!(stdout.contains("failed     fti") && stdout.contains("map sha256"), "{stdout}");
+}
+
+#[test]
+fn a_full_disk_stops_the_recording_and_a_new_file_goes_on() {
+    let bench = Bench::new();
+    let more = format!("{INJECTOR}{}", faults(&["process = \"recorder\"\nkind = \"disk\"\nfrom_s = 8.0\nfor_s = 8.0"]));
+    let ended = live(&bench, &more, "").end();
+    let (stdout, stderr) = (text(&ended.stdout), text(&ended.stderr));
+    assert_eq!(ended.status.code(), Some(0), "{stdout}{stderr}");
+    assert!(stderr.contains("the log may grow no further") && stderr.contains("what comes is not recorded"), "{stderr}");
+    assert!(stderr.contains("recording again, into"), "{stderr}");
+    assert!(!stdout.contains("restarted"), "{stdout}");
+    let out = bench.path("live-out");
+    assert!(out.join("drive.2.mcap").exists());
+    let info = bench.output(["log", "info", out.join("drive.mcap").to_str().unwrap()]);
+    assert_eq!(info.status.code(), Some(0), "{}{}", text(&info.stdout), text(&info.stderr));
+    assert!(text(&info.stdout).contains("robot/scan"));
+}
+
+#[test]
+fn nothing_outlives_the_supervisor_of_a_disturbed_run() {
+    let bench = Bench::new();
+    let run = live(&bench, &format!("{INJECTOR}[injector]\nservices = [\"robot/scan\", \"map/verdict\"]\n"), "");
+    drop(bench.wait_for("injector", "it runs", |it| it["state"] == "running"));
+    bench.remember_domain();
+    let all = children(run.pid());
+    assert_eq!(all.len(), 6, "{all:?}");
+    harness::kill(run.pid().into());
+    drop(run);
+    let since = Instant::now();
+    let alive = || all.iter().any(|(_, pid)| std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|it| !it.contains(") Z ")));
+    while alive() || !bench.left_behind().is_empty() {
+        assert!(since.elapsed() < MISSED, "left: {:?}", bench.left_behind());
+        std::thread::yield_now();
+    }
+}
