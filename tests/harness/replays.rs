@@ -13,7 +13,7 @@ const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/co
 /// The processes of [`replay_settings`].
 pub(crate) const PROCESSES: [&str; 5] = ["mapping", "std", "fti", "recorder", "playback"];
 /// A run that says nothing and does not end for so long hangs; nothing is measured by it.
-const SILENCE: Duration = Duration::from_secs(120);
+const SILENCE: Duration = Duration::from_secs(60);
 
 /// Records a simulated drive among walkers, with STD and FTI but no camera; the log.
 pub(crate) fn record_drive(bench: &Bench) -> PathBuf {
@@ -105,11 +105,17 @@ impl Watched {
 
     /// Waits for its end: its exit code, what it wrote to standard output and to standard error.
     #[track_caller]
-    pub(crate) fn end(mut self) -> (Option<i32>, String, String) {
+    pub(crate) fn end(self) -> (Option<i32>, String, String) {
+        self.end_or(String::new)
+    }
+
+    /// As [`Watched::end`]; when it hangs, `look` tells how it is then.
+    #[track_caller]
+    pub(crate) fn end_or(mut self, look: impl Fn() -> String) -> (Option<i32>, String, String) {
         loop {
             match self.line(SILENCE) {
                 Some(Some(_)) => {}
-                Some(None) => panic!("hangs; it said:\n{}", self.said),
+                Some(None) => panic!("hangs; it said:\n{}\n{}", self.said, look()),
                 None => break,
             }
         }

@@ -44,7 +44,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
         relays,
         timetable: Timetable::default(),
         statuses: Vec::new(),
-        bystanders: names(BuiltIn::Injector).chain(names(BuiltIn::Recorder)).collect(),
+        bystanders: names(BuiltIn::Injector).chain(names(BuiltIn::Recorder)).chain(names(BuiltIn::Viewer)).collect(),
         others_are_over: false,
         supervisor: std::os::unix::process::parent_id(),
         domain: membership.directory().to_owned(),

@@ -16,6 +16,17 @@ pub struct LogFile {
 }
 
 impl LogFile {
+    /// The file that the log of this run goes on in, or its first one where none of it is there yet: a recorder that was
+    /// killed while it started has made none, and what lies there is an earlier run's.
+    ///
+    /// # Errors
+    /// When the folder or the file cannot be made.
+    pub fn of_run(path: &Path, run: u64) -> io::Result<Self> {
+        let is_of_run = |part: &Path| Log::open(part).is_ok_and(|log| log.preamble().run == run);
+        let begun = is_of_run(path) || following_parts(path)?.iter().any(|(_, part)| is_of_run(part));
+        if begun { Self::next(path) } else { Self::first(path) }
+    }
+
     /// The first file of a log. The log of an earlier run that lies there is kept under another name.
     ///
     /// # Errors
@@ -81,13 +92,19 @@ fn put_aside(path: &Path) -> io::Result<()> {
     if !path.exists() && parts.is_empty() {
         return Ok(());
     }
+    if parts.is_empty() && fs::metadata(path)?.len() == 0 {
+        return fs::remove_file(path);
+    }
     let name = match Log::open(path) {
         Ok(log) => format!("{:016x}", log.preamble().run),
         Err(_) => "unreadable".to_owned(),
     };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy())).unwrap_or_default();
-    let aside = path.with_file_name(format!("{stem}-{name}{extension}"));
+    let names = std::iter::once(String::new()).chain((2_u32..).map(|number| format!("-{number}")));
+    let mut candidates = names.map(|more| path.with_file_name(format!("{stem}-{name}{more}{extension}")));
+    let is_free = |aside: &PathBuf| !aside.exists() && following_parts(aside).is_ok_and(|parts| parts.is_empty());
+    let aside = candidates.find(is_free).ok_or_else(|| io::Error::other("no name is left for the log of an earlier run"))?;
     if path.exists() {
         fs::rename(path, &aside)?;
     }
@@ -131,5 +148,33 @@ mod tests {
         names.sort();
         assert_eq!(names, ["drive-unreadable.2.mcap", "drive-unreadable.3.mcap", "drive-unreadable.mcap", "drive.mcap"]);
         assert_eq!(fs::read(folder.path().join("drive-unreadable.3.mcap")).unwrap(), b"drive.3.mcap");
+    }
+
+    #[test]
+    fn a_run_goes_on_in_its_own_log_only_and_nothing_is_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let begin = |run: u64| {
+            let preamble =
+                drivelog::Preamble { run, robot: "pioneer-1".into(), sonars: Vec::new(), origin: "a test".into(), settings: String::new() };
+            let mut file = LogFile::of_run(&path, run).unwrap();
+            let mut recording = drivelog::Recording::new(&preamble).unwrap();
+            recording.flush().unwrap();
+            file.append(&recording.take()).unwrap();
+            file.path().file_name().unwrap().to_str().unwrap().to_owned()
+        };
+        assert_eq!((begin(1), begin(1)), ("drive.mcap".to_owned(), "drive.2.mcap".to_owned()));
+        // A recorder of another run, killed before it wrote anything, and the next one of that run.
+        drop(LogFile::of_run(&path, 2).unwrap());
+        assert_eq!((begin(2), begin(2)), ("drive.mcap".to_owned(), "drive.2.mcap".to_owned()));
+        for unreadable in [b"one", b"two"] {
+            fs::remove_file(folder.path().join("drive.2.mcap")).ok();
+            fs::write(&path, unreadable).unwrap();
+            begin(3);
+            fs::remove_file(&path).unwrap();
+        }
+        let kept = |name: &str| fs::read(folder.path().join(name)).unwrap();
+        assert_eq!((kept("drive-unreadable.mcap"), kept("drive-unreadable-2.mcap")), (b"one".to_vec(), b"two".to_vec()));
+        assert!(folder.path().join("drive-0000000000000001.2.mcap").exists());
     }
 }

@@ -51,8 +51,7 @@ pub enum RecorderError {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     let membership = shell.membership();
     let path = settings.out.join(settings.recorder.file.as_str());
-    let made = if membership.incarnation() == 0 { LogFile::first(&path) } else { LogFile::next(&path) };
-    let file = made.map_err(|source| RecorderError::File { path: path.clone(), source })?;
+    let file = LogFile::of_run(&path, membership.run()).map_err(|source| RecorderError::File { path: path.clone(), source })?;
     tracing::info!("recording into {}", file.path().display());
     let preamble = describe(membership.run(), settings)?;
     let tape = Tape::new(&preamble)?;
