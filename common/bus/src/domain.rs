@@ -180,6 +180,7 @@ impl Domain {
         services.push(Box::new(fabric.create_pictures::<CameraMask>()?));
         services.push(Box::new(fabric.create_pictures::<CameraBackground>()?));
         services.push(Box::new(fabric.create_pictures::<TruthMask>()?));
+        self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         self.services = services;
         self.fabric = Some(fabric);
         Ok(())

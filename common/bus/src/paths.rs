@@ -4,7 +4,7 @@
 //! `<runtime>/<name>/` holds what the deployment needs while it runs. `<runtime>` belongs to the user alone.
 
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 /// The folder of all domains of this user: `$STILLMAP_RUNTIME_DIR`, `$XDG_RUNTIME_DIR/stillmap`, or `/tmp/stillmap-<uid>`.
@@ -70,6 +70,18 @@ impl DomainPaths {
     pub(crate) fn prefix(&self) -> String {
         let hash = crc32fast::hash(self.directory.as_os_str().as_encoded_bytes());
         format!("stillmap_{hash:08x}_")
+    }
+
+    /// Makes what lies in shared memory the user's alone: iceoryx2 leaves one small file open to everybody.
+    pub(crate) fn close_to_others(&self) -> io::Result<()> {
+        let prefix = self.prefix();
+        for entry in std::fs::read_dir("/dev/shm")?.flatten() {
+            let is_open = || entry.metadata().is_ok_and(|found| found.mode() & 0o077 != 0);
+            if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) && is_open() {
+                ignore_missing(std::fs::set_permissions(entry.path(), std::fs::Permissions::from_mode(0o600)))?;
+            }
+        }
+        Ok(())
     }
 
     /// Removes everything the domain ever put anywhere. Only while nothing lives in it.
