@@ -111,11 +111,12 @@ fn main() -> Result<(), Error> {
 fn print(name: &str, tally: &Tally) {
     let score = tally.score();
     println!(
-        "{name:55} removed {:5.1} % ({}→{}, oracle {})  walls lost {:4.2} % (reference {:4.2} %)  F1 {:.3}  echoes {}/{} of walkers, {} others of {}",
+        "{name:55} removed {:5.1} % ({}→{}, oracle {}; literal {:.1} %)  walls lost {:4.2} % (reference {:4.2} %)  F1 {:.3}  echoes {}/{} of walkers, {} others of {}",
         100.0 * score.ghosts_removed,
         tally.ghosts_before,
         tally.ghosts_after,
         tally.ghosts_oracle,
+        100.0 * score.ghosts_removed_literal,
         100.0 * score.walls_lost,
         100.0 * score.walls_lost_reference,
         score.f1,

@@ -37,6 +37,10 @@ pub struct Tally {
     pub ghosts_after: usize,
     /// Ghost cells with true labels.
     pub ghosts_oracle: usize,
+    /// As `ghosts_before`, with the cells that are wrong without walkers as well.
+    pub wrong_before: usize,
+    /// As `ghosts_after`, with these.
+    pub wrong_after: usize,
     /// Wall cells with true labels.
     pub walls_oracle: usize,
     /// Of these, not in the map.
@@ -68,6 +72,9 @@ pub struct Tally {
 pub struct Score {
     /// Share of the ghost cells that are gone.
     pub ghosts_removed: f64,
+    /// The same of all wrong cells near a walker's way, whoever made them: also those that a mirror or another sonar made,
+    /// and that the drive without walkers has too. No filter for walkers can remove these.
+    pub ghosts_removed_literal: f64,
     /// Share of the wall cells that true labels give and that are not there.
     pub walls_lost: f64,
     /// The same against the drive without walkers.
@@ -93,7 +100,12 @@ impl Labels {
     /// Ghost cells of a map: occupied, away from every surface, near a walker's way. A cell that the drive without walkers
     /// takes for occupied as well is wrong for another reason, and none.
     pub fn ghosts<'a>(&'a self, map: &'a Occupancy, reference: &'a Occupancy) -> impl Iterator<Item = &'a Cell> {
-        map.occupied.intersection(&self.haunted).filter(|cell| !reference.occupied.contains(cell))
+        self.wrong(map).filter(|cell| !reference.occupied.contains(cell))
+    }
+
+    /// The same without regard to the reason: occupied, away from every surface, near a walker's way.
+    fn wrong<'a>(&'a self, map: &'a Occupancy) -> impl Iterator<Item = &'a Cell> {
+        map.occupied.intersection(&self.haunted)
     }
 
     /// Wall cells of a map.
@@ -121,6 +133,8 @@ impl Labels {
             ghosts_before: self.ghosts(before, reference).count(),
             ghosts_after: self.ghosts(map, reference).count(),
             ghosts_oracle: self.ghosts(oracle, reference).count(),
+            wrong_before: self.wrong(before).count(),
+            wrong_after: self.wrong(map).count(),
             walls_oracle: self.walls(oracle).count(),
             walls_lost_oracle: lost(oracle),
             walls_reference: self.walls(reference).count(),
@@ -155,6 +169,8 @@ impl Tally {
             ghosts_before: self.ghosts_before + other.ghosts_before,
             ghosts_after: self.ghosts_after + other.ghosts_after,
             ghosts_oracle: self.ghosts_oracle + other.ghosts_oracle,
+            wrong_before: self.wrong_before + other.wrong_before,
+            wrong_after: self.wrong_after + other.wrong_after,
             walls_oracle: self.walls_oracle + other.walls_oracle,
             walls_lost_oracle: self.walls_lost_oracle + other.walls_lost_oracle,
             walls_reference: self.walls_reference + other.walls_reference,
@@ -175,9 +191,10 @@ impl Tally {
     pub fn score(&self) -> Score {
         let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
         let (precision, recall) = (share(self.right, self.occupied), share(self.found, self.places));
-        let removed = if self.ghosts_before == 0 { 1.0 } else { 1.0 - share(self.ghosts_after, self.ghosts_before) };
+        let removed = |after: usize, before: usize| if before == 0 { 1.0 } else { 1.0 - share(after, before) };
         Score {
-            ghosts_removed: removed,
+            ghosts_removed: removed(self.ghosts_after, self.ghosts_before),
+            ghosts_removed_literal: removed(self.wrong_after, self.wrong_before),
             walls_lost: share(self.walls_lost_oracle, self.walls_oracle),
             walls_lost_reference: share(self.walls_lost_reference, self.walls_reference),
             precision,

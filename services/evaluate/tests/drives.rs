@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use grid::CellSize;
-use simulator::Body;
-use stillmap_evaluate::{Drive, Labels, Tally, Variation, judge, oracle, read_world, unfiltered};
+use messages::Layer;
+use simulator::blobs::Failings;
+use simulator::{Body, Optics};
+use stillmap_evaluate::{Drive, Eyes, Filter, Labels, Occupancy, Scan, Tally, Variation, filter, judge, oracle, read_world, unfiltered};
 
 /// A room; somebody walks to a place beside the robot's way, stands there until the end, and the robot never looks back.
 const ROOM: &str = "
@@ -38,6 +40,49 @@ fn true_labels_take_the_ghosts_out_and_leave_the_walls() {
     assert!(
         verdicts.walker_echoes > 20 && verdicts.withheld_walkers == verdicts.walker_echoes && verdicts.withheld == verdicts.walker_echoes
     );
+}
+
+/// Somebody comes to a place before the robot, stands there for half a minute and walks off.
+const STANDER: &str = "
+wall = [{ along_m = [[0, 0], [5, 0], [5, 4], [0, 4], [0, 0]] }]
+walker = [{ from_m = [2.2, 3.6], start_s = 1, speed_m_s = 0.8, way = [{ to_m = [2.2, 2.0], stop_s = 30 }, { to_m = [2.3, 0.4] }] }]
+[robot]
+start_m = [1.0, 2.0]
+way = [{ to_m = [1.0, 2.0], stop_s = 45 }]
+";
+/// He comes at 3 s and leaves at 33 s.
+const LEAVES_NS: u64 = 33_000_000_000;
+
+#[test]
+fn who_stood_for_half_a_minute_is_gone_from_the_map_five_seconds_after_leaving() {
+    let world = read_world(STANDER, Variation { walkers: None, seed: 1 }).unwrap();
+    let settings = settings::Settings::default();
+    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: Failings::default() };
+    let drive = Drive::through(&world, &Body::of_settings(&settings.robot), 3.0, Some(&eyes), 1);
+    let run = Filter { std: stillmap_std::Parameters::of_settings(&settings), fti: fti::Parameters::of_settings(&settings) };
+    let verdicts = filter(&drive, &run).unwrap().verdicts;
+    let with_verdicts = settings::Mapping { expect_verdicts: true, ..settings.mapping.clone() };
+    let mut mapper = mapping::Mapper::new(mapping::Parameters::new(&with_verdicts, settings::Pace::Lockstep).unwrap());
+    let mut decided = 0;
+    let mut stood = 0;
+    for Scan { seq, stamp_ns, scan, .. } in &drive.scans {
+        mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan }).unwrap();
+        // A verdict comes a horizon after its scan, as from FTI.
+        while drive.scans[decided].stamp_ns + 3_000_000_000 <= *stamp_ns {
+            mapper.step(mapping::Input::Verdict { seq: drive.scans[decided].seq, verdict: &verdicts[decided] }).unwrap();
+            decided += 1;
+        }
+        mapper.refresh();
+        let shown = Occupancy::of(&mapper, Layer::Filtered).occupied;
+        // His place is 1.2 m before the start, which is the origin of the map.
+        let there = shown.iter().filter(|cell| (f64::from(cell.column) * 0.05 - 1.2).hypot(f64::from(cell.row) * 0.05) < 0.3).count();
+        if *stamp_ns < LEAVES_NS {
+            stood = stood.max(there);
+        } else if *stamp_ns > LEAVES_NS + 5_000_000_000 {
+            assert_eq!(there, 0, "{:.1} s after he left", (*stamp_ns - LEAVES_NS) as f64 * 1e-9);
+        }
+    }
+    assert!(stood > 5 && decided > 300, "{stood} cells, {decided} scans: he was in the map");
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub(crate) const ECHO_TO_MIDDLE_M: f64 = 0.12;
 /// Spread of that distance with the step, m.
 const ECHO_SD_M: f64 = 0.2;
 /// Who stands is where he was, give or take a step: an echo farther off is another's, or the wall's, m.
-const STANDS_M: f64 = 0.3;
+const STANDS_M: f64 = 0.2;
 /// Half of a body's width, m.
 const BODY_HALF_M: f64 = 0.2;
 /// pass so far beyond him, m.
