@@ -7,11 +7,13 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::thread;
 
-use bus::{Domain, Reader, Received, Shell};
-use messages::{TruthScan, TruthSurfaces};
+use bus::{Domain, FrameReader, Reader, Received, Shell};
+use messages::{CameraFrame, FrameLayout, Pictures, PixelFormat, TruthMask, TruthScan, TruthSurfaces};
 use psos::{Command, Deframer, Sip, number};
 use rustix::event::{PollFd, PollFlags, poll};
 use settings::Settings;
+use stillmap_simulator::camera::{Camera, Flaws, Picture};
+use stillmap_simulator::{Optics, World};
 
 /// A second at rest, then three metres towards a wall at 0.5 m/s: so short that the terminal holds all of its packets and none is ever lost.
 const WORLD: &str = "
@@ -27,10 +29,15 @@ struct Deployment {
 }
 
 fn deployment(name: &str) -> Deployment {
+    deployment_with(name, "")
+}
+
+/// The same with more in its settings.
+fn deployment_with(name: &str, more: &str) -> Deployment {
     let folder = tempfile::tempdir().unwrap();
     let world = folder.path().join("world.toml");
     std::fs::write(&world, WORLD).unwrap();
-    let settings: Settings = Settings::parse("test", &SETTINGS.replace("WORLD", world.to_str().unwrap())).unwrap();
+    let settings: Settings = Settings::parse("test", &(SETTINGS.replace("WORLD", world.to_str().unwrap()) + more)).unwrap();
     let domain = Domain::open(&format!("test-sim-{}-{name}", std::process::id()), 20.0).unwrap();
     Deployment { domain, settings, _folder: folder }
 }
@@ -85,8 +92,8 @@ fn listen(client: &mut File, deframer: &mut Deframer) -> Vec<Vec<u8>> {
     }
 }
 
-/// Opens the robot and takes its packets until it hangs up, and the truth beside them.
-fn ride(client: &mut File, truths: &mut Truths) -> Vec<Sip> {
+/// Opens the robot and takes its packets until it hangs up, with a look at the bus after each.
+fn ride(client: &mut File, mut look: impl FnMut()) -> Vec<Sip> {
     let mut deframer = Deframer::new();
     for step in [number::SYNC0, number::SYNC1, number::SYNC2] {
         client.write_all(&Command::plain(step).encode().unwrap()).unwrap();
@@ -96,7 +103,7 @@ fn ride(client: &mut File, truths: &mut Truths) -> Vec<Sip> {
     let mut sips = Vec::new();
     loop {
         let packets = listen(client, &mut deframer);
-        truths.take();
+        look();
         if packets.is_empty() {
             return sips;
         }
@@ -147,7 +154,7 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let mut deployment = deployment("ride");
     let mut truths = Truths::of(&mut deployment);
     let simulator = deployment.start();
-    let sips = ride(&mut connect(&deployment.port()), &mut truths);
+    let sips = ride(&mut connect(&deployment.port()), || truths.take());
     simulator.join().unwrap();
 
     assert_eq!(sips.len(), 70, "7 s, ten a second, none lost");
@@ -179,7 +186,7 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
     Shell::join(membership).unwrap().checkpoint().save(&state(40, 38)).unwrap();
 
     let simulator = deployment.start();
-    let sips = ride(&mut connect(&deployment.port()), &mut truths);
+    let sips = ride(&mut connect(&deployment.port()), || truths.take());
     simulator.join().unwrap();
 
     assert_eq!(sips.len(), 30);
@@ -188,4 +195,56 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
     assert_eq!(f64::from(sips[0].x), (50.0_f64 / 0.05066).round(), "the robot has forgotten: 5 cm since it was switched on");
     drop(truths);
     deployment.domain.close().unwrap();
+}
+
+/// Numbers, stamps and bytes of what has come.
+fn pictures<P: Pictures>(reader: &mut FrameReader<P>) -> Vec<(u64, u64, Vec<u8>)> {
+    let mut taken = Vec::new();
+    while let Some(received) = reader.take().unwrap() {
+        if let Received::Message(frame) = received {
+            assert_eq!(frame.layout(), FrameLayout::packed(80, 60, PixelFormat::Grey));
+            taken.push((frame.seq(), frame.stamp_ns(), frame.bytes().to_vec()));
+        }
+    }
+    taken
+}
+
+#[track_caller]
+fn check_pictures(taken: &[(u64, u64, Vec<u8>)], settings: &Settings, first: u64, which: fn(&Picture) -> &Vec<u8>) {
+    let mut camera = Camera::new(&World::parse("world", WORLD).unwrap(), &Optics::of_settings(&settings.camera), &Flaws::default(), 1);
+    assert_eq!(taken.iter().map(|(seq, ..)| *seq).collect::<Vec<_>>(), (first..=camera.total_frames()).collect::<Vec<_>>());
+    let mut picture = Picture::default();
+    for (seq, stamp_ns, bytes) in taken {
+        camera.take(*seq, &mut picture);
+        assert!(bytes == which(&picture), "frame {seq}");
+        assert_eq!(stamp_ns - taken[0].1, camera.stamp_ns(*seq) - camera.stamp_ns(first));
+    }
+}
+
+#[test]
+fn its_camera_shows_the_drive_also_after_a_kill() {
+    let more = "[camera]\nwidth = 80\nheight = 60\nrate_hz = 5\n[simulator.camera]\nprovides = 'pictures'\n";
+    for (name, left_behind, first) in [("camera", None, 1), ("camera-kill", Some(state(40, 38)), 21)] {
+        let deployment = deployment_with(name, more);
+        let mut watcher = Shell::join(deployment.domain.membership_for("watcher", 0, "settings.toml".as_ref())).unwrap();
+        let mut frames: FrameReader<CameraFrame> = watcher.frame_reader().unwrap();
+        let mut masks: FrameReader<TruthMask> = watcher.frame_reader().unwrap();
+        if let Some(state) = left_behind {
+            let membership = deployment.domain.membership_for("robot", 0, "settings.toml".as_ref());
+            Shell::join(membership).unwrap().checkpoint().save(&state).unwrap();
+        }
+        let simulator = deployment.start();
+        let (mut seen, mut labels) = (Vec::new(), Vec::new());
+        let mut look = || {
+            seen.extend(pictures(&mut frames));
+            labels.extend(pictures(&mut masks));
+        };
+        ride(&mut connect(&deployment.port()), &mut look);
+        simulator.join().unwrap();
+        look();
+        check_pictures(&seen, &deployment.settings, first, |picture| &picture.grey);
+        check_pictures(&labels, &deployment.settings, first, |picture| &picture.labels);
+        drop((frames, masks, watcher));
+        deployment.domain.close().unwrap();
+    }
 }
