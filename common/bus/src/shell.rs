@@ -291,8 +291,11 @@ impl Shell {
         Ok(())
     }
 
+    /// Tells what is new, and whoever has just joined everything: the history of the service holds one answer, and a process may
+    /// answer several streams.
     fn tell_progress(&mut self) -> Result<(), BusError> {
-        for answer in self.report.answers.iter_mut().filter(|answer| answer.is_news) {
+        let joined = self.progress.joined();
+        for answer in self.report.answers.iter_mut().filter(|answer| answer.is_news || joined) {
             answer.is_news = false;
             let process = Text::new(self.membership.process());
             let stamp_ns = self.membership.clock().now_ns();
