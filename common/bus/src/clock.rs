@@ -1,5 +1,7 @@
 //! The deployment's clock: sensor time for drivers, faster than the wall when a simulation runs faster.
 
+use std::time::Duration;
+
 use rustix::time::{ClockId, clock_gettime};
 
 /// Maps the machine's monotonic clock to nanoseconds since the Unix epoch, at a given speed. The same in every process of a
@@ -41,6 +43,11 @@ impl DeploymentClock {
     #[must_use]
     pub fn elapsed_s(&self) -> f64 {
         self.now_ns().saturating_sub(self.started_real_ns) as f64 * 1e-9
+    }
+
+    /// Wall time since a stamp of this clock; nothing for one that is still to come.
+    pub(crate) fn since(&self, stamp_ns: u64) -> Duration {
+        Duration::from_nanos((self.now_ns().saturating_sub(stamp_ns) as f64 / self.speed) as u64)
     }
 
     fn at(&self, monotonic_ns: u64) -> u64 {

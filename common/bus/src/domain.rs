@@ -217,7 +217,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run)?;
+        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run, None)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }

@@ -11,6 +11,7 @@ use iceoryx2::sample::Sample;
 use messages::{FrameHeader, FrameLayout, Header, InputCounters, Pictures, PixelFormat};
 
 use crate::broken::BusError;
+use crate::clock::DeploymentClock;
 use crate::fabric::{Opened, PicturePubSub, listener};
 use crate::slot::FrameHeaderSlot;
 use crate::stream::{Admission, Received, Stream, checksum};
@@ -44,9 +45,9 @@ pub struct RefusedFrame {
 }
 
 impl<P: Pictures> FrameReader<P> {
-    pub(crate) fn new(opened: &Opened<PicturePubSub>, run: u64) -> Result<Self, BusError> {
+    pub(crate) fn new(opened: &Opened<PicturePubSub>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
         let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(P::SERVICE.name, error))?;
-        let stream = Stream::new(P::SERVICE, run);
+        let stream = Stream::new(P::SERVICE, run, clock);
         Ok(Self { subscriber, listener: listener(opened)?, stream, refused: None, service: PhantomData })
     }
 

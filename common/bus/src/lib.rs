@@ -15,6 +15,7 @@ mod domain;
 mod fabric;
 mod frame_reader;
 mod frame_writer;
+mod latency;
 mod membership;
 mod outlet;
 mod paths;

@@ -11,6 +11,7 @@ use iceoryx2::sample::Sample;
 use messages::{Header, InputCounters, Payload};
 
 use crate::broken::BusError;
+use crate::clock::DeploymentClock;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::slot::{HeaderSlot, Slot};
 use crate::stream::{Admission, Received, Stream, checksum};
@@ -32,9 +33,9 @@ pub struct Message<T: Payload> {
 }
 
 impl<T: Payload> Reader<T> {
-    pub(crate) fn new(opened: &Opened<PubSub<T>>, run: u64) -> Result<Self, BusError> {
+    pub(crate) fn new(opened: &Opened<PubSub<T>>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
         let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(T::SERVICE, run) })
+        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(T::SERVICE, run, clock) })
     }
 
     /// The next message, if one waits.

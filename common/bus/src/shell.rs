@@ -153,7 +153,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.membership.run)?;
+        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.membership.run, Some(self.membership.clock()))?;
         self.listeners.extend(reader.listener());
         self.inputs.push(reader.counters());
         Ok(reader)
@@ -197,7 +197,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
-        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.membership.run)?;
+        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.membership.run, Some(self.membership.clock()))?;
         self.listeners.extend(reader.listener());
         self.inputs.push(reader.counters());
         Ok(reader)

@@ -6,6 +6,12 @@ use std::rc::Rc;
 use bytemuck::Pod;
 use messages::{Header, InputCounters, Invalid, Kind, Service, Text};
 
+use crate::clock::DeploymentClock;
+use crate::latency::Latencies;
+
+/// Messages after which latencies are made out anew.
+const LATENCIES_EVERY: u64 = 16;
+
 /// What a reader hands out.
 pub enum Received<M> {
     /// A message.
@@ -33,6 +39,9 @@ pub(crate) enum Admission {
 pub(crate) struct Stream {
     service: Service,
     run: u64,
+    /// None for visitors, who are in nobody's way.
+    clock: Option<DeploymentClock>,
+    latencies: Box<Latencies>,
     counters: Rc<RefCell<InputCounters>>,
     last_seq: u64,
     last_stamp_ns: u64,
@@ -40,9 +49,18 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    pub(crate) fn new(service: Service, run: u64) -> Self {
+    pub(crate) fn new(service: Service, run: u64, clock: Option<DeploymentClock>) -> Self {
         let counters = InputCounters { service: Text::new(service.name), ..InputCounters::default() };
-        Self { service, run, counters: Rc::new(RefCell::new(counters)), last_seq: 0, last_stamp_ns: 0, ended: false }
+        Self {
+            service,
+            run,
+            clock,
+            latencies: Box::new(Latencies::new()),
+            counters: Rc::new(RefCell::new(counters)),
+            last_seq: 0,
+            last_stamp_ns: 0,
+            ended: false,
+        }
     }
 
     pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
@@ -114,6 +132,14 @@ impl Stream {
             lost_before = header.seq - self.last_seq - 1;
             self.last_seq = header.seq;
             self.last_stamp_ns = header.stamp_ns;
+        }
+        if let Some(clock) = self.clock {
+            self.latencies.take(clock.since(header.stamp_ns));
+            // Often enough for whoever looks, too seldom to cost anything.
+            if counters.received.is_multiple_of(LATENCIES_EVERY) {
+                counters.latency_median_us = self.latencies.within_us(0.5);
+                counters.latency_p99_us = self.latencies.within_us(0.99);
+            }
         }
         counters.received += 1;
         counters.lost += lost_before;

@@ -40,7 +40,7 @@ impl Tool {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.run)?;
+        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.run, None)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }
@@ -50,7 +50,7 @@ impl Tool {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
-        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.run)?;
+        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.run, None)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }

@@ -63,7 +63,16 @@ mirror! {
     MapSummary { sha256: [u8; 32], scans: u64, readings: u64, withheld: u64, undecided: u64, tiles: u64, way_m: f64 }
 
     /// What came in on one service.
-    InputCounters { service: Text<32>, received: u64, lost: u64, repeated: u64, refused: u64, last_seq: u64 }
+    InputCounters {
+        service: Text<32>,
+        received: u64,
+        lost: u64,
+        repeated: u64,
+        refused: u64,
+        last_seq: u64,
+        latency_median_us: u32,
+        latency_p99_us: u32
+    }
 
     /// A number that a process counts.
     Counter { name: Text<32>, value: u64 }
@@ -94,6 +103,8 @@ mirror! {
         sent: u64,
         received_per_s: f64,
         sent_per_s: f64,
+        latency_median_us: u32,
+        latency_p99_us: u32,
         cpu: f64,
         resident_bytes: u64,
         pid: u32,

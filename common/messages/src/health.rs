@@ -103,6 +103,10 @@ plain! {
         pub refused: u64,
         /// Last sequence number taken.
         pub last_seq: u64,
+        /// Median of the time from what a message tells of until it was taken, lately, µs; 0 when none was measured.
+        pub latency_median_us: u32,
+        /// What 99 % of the messages stayed within, µs; 0 when none was measured.
+        pub latency_p99_us: u32,
     }
 
     /// A number that a process counts for people.
@@ -179,6 +183,10 @@ plain! {
         pub received_per_s: f64,
         /// Messages sent a second, lately.
         pub sent_per_s: f64,
+        /// Median latency of its busiest input, µs; 0 when none was measured.
+        pub latency_median_us: u32,
+        /// What 99 % of the messages of that input stay within, µs; 0 when none was measured.
+        pub latency_p99_us: u32,
         /// Share of one core, lately.
         pub cpu: f64,
         /// Resident memory, bytes.
@@ -211,7 +219,7 @@ plain! {
 }
 
 impl Payload for Heartbeat {
-    const SERVICE: Service = Service { name: "health/heartbeat", version: 1, qos: Qos::REPORTS, wakes: false, sequenced: false };
+    const SERVICE: Service = Service { name: "health/heartbeat", version: 2, qos: Qos::REPORTS, wakes: false, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("inputs_count", self.inputs_count, MAX_INPUTS, "at most 8")?;
@@ -243,7 +251,7 @@ impl Payload for LogLine {
 }
 
 impl Payload for DeploymentStatus {
-    const SERVICE: Service = Service { name: "health/status", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
+    const SERVICE: Service = Service { name: "health/status", version: 2, qos: Qos::NEWEST, wakes: true, sequenced: false };
 
     fn validate(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_PROCESSES, "at most 24")?;

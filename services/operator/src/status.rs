@@ -73,11 +73,21 @@ fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<
     }
 }
 
-fn word(process: &ProcessStatus) -> &'static str {
+/// A latency as people read it; a dash where none was measured.
+pub(crate) fn latency_words(us: u32) -> String {
+    match us {
+        0 => "-".to_owned(),
+        1..1_000 => format!("{us} µs"),
+        1_000..1_000_000 => format!("{:.1} ms", f64::from(us) / 1e3),
+        _ => format!("{:.1} s", f64::from(us) / 1e6),
+    }
+}
+
+pub(crate) fn word(process: &ProcessStatus) -> &'static str {
     ProcessState::from_number(process.state).map_or("unknown", ProcessState::word)
 }
 
-fn processes(status: &DeploymentStatus) -> impl Iterator<Item = &ProcessStatus> {
+pub(crate) fn processes(status: &DeploymentStatus) -> impl Iterator<Item = &ProcessStatus> {
     status.processes.iter().take(status.count as usize)
 }
 
@@ -97,6 +107,8 @@ fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
             "refused": it.refused,
             "received_per_s": it.received_per_s,
             "sent_per_s": it.sent_per_s,
+            "latency_median_us": (it.latency_p99_us != 0).then_some(it.latency_median_us),
+            "latency_p99_us": (it.latency_p99_us != 0).then_some(it.latency_p99_us),
             "cpu": it.cpu,
             "resident_bytes": it.resident_bytes,
             "note": it.note.as_str(),
@@ -116,7 +128,22 @@ fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
 
 /// Columns as wide as their widest entry; numbers to the right.
 fn as_table(status: &DeploymentStatus) -> String {
-    let head = ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "lost", "refused", "cpu", "memory", "note"];
+    let head = [
+        "process",
+        "state",
+        "pid",
+        "restarts",
+        "heartbeat",
+        "in/s",
+        "out/s",
+        "latency",
+        "99 %",
+        "lost",
+        "refused",
+        "cpu",
+        "memory",
+        "note",
+    ];
     let row = |it: &ProcessStatus| {
         let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
         [
@@ -127,6 +154,8 @@ fn as_table(status: &DeploymentStatus) -> String {
             beat,
             format!("{:.1}", it.received_per_s),
             format!("{:.1}", it.sent_per_s),
+            latency_words(it.latency_median_us),
+            latency_words(it.latency_p99_us),
             it.lost.to_string(),
             it.refused.to_string(),
             format!("{:.1} %", it.cpu * 100.0),
@@ -134,7 +163,7 @@ fn as_table(status: &DeploymentStatus) -> String {
             it.note.to_string(),
         ]
     };
-    let rows: Vec<[String; 12]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
+    let rows: Vec<[String; 14]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
     let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..head.len()).map(width).collect();
     let ending = if status.ending == 1 { ", ending" } else { "" };
@@ -142,7 +171,7 @@ fn as_table(status: &DeploymentStatus) -> String {
     for row in &rows {
         let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
             0 | 1 => format!("{cell:<width$}"),
-            11 => cell.clone(),
+            13 => cell.clone(),
             _ => format!("{cell:>width$}"),
         });
         text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
@@ -164,6 +193,8 @@ mod tests {
             note: Text::new("12 tiles"),
             heartbeat_age_ms: 120,
             received_per_s: 10.04,
+            latency_median_us: 180,
+            latency_p99_us: 12_400,
             cpu: 0.013,
             resident_bytes: 4_200_000,
             pid: 4711,
@@ -179,9 +210,9 @@ mod tests {
         };
         let expected = "\
 demo, up 12 s
-process  state     pid  restarts  heartbeat  in/s  out/s  lost  refused    cpu  memory  note
-mapping  running  4711         0      0.1 s  10.0    0.0     0        0  1.3 %  4.2 MB  12 tiles
-pioneer  backoff     -         2          -   0.0    0.0     0        0  0.0 %  0.0 MB
+process  state     pid  restarts  heartbeat  in/s  out/s  latency     99 %  lost  refused    cpu  memory  note
+mapping  running  4711         0      0.1 s  10.0    0.0   180 µs  12.4 ms     0        0  1.3 %  4.2 MB  12 tiles
+pioneer  backoff     -         2          -   0.0    0.0        -        -     0        0  0.0 %  0.0 MB
 ";
         assert_eq!(as_table(&status), expected);
     }

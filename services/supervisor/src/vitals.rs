@@ -2,7 +2,7 @@
 
 use crate::lifecycle::Lifecycle;
 use crate::usage::Usage;
-use messages::{Heartbeat, ProcessStatus, Text};
+use messages::{Heartbeat, InputCounters, ProcessStatus, Text};
 use std::time::Duration;
 
 /// The measures of one process.
@@ -75,6 +75,7 @@ impl Vitals {
         let note = if lifecycle.cause().is_empty() { self.note() } else { Text::new(lifecycle.cause()) };
         let age = self.heartbeat.as_ref().map(|(at, _)| now.saturating_sub(*at).as_millis() as u64);
         let counters_count = last.map_or(0, |h| h.counters_count);
+        let busiest = self.inputs().filter(|input| input.latency_p99_us > 0).max_by_key(|input| input.received);
         ProcessStatus {
             process: Text::new(&lifecycle.plan().name),
             note,
@@ -85,6 +86,8 @@ impl Vitals {
             sent: self.sent(),
             received_per_s: self.received_per_s,
             sent_per_s: self.sent_per_s,
+            latency_median_us: busiest.map_or(0, |input| input.latency_median_us),
+            latency_p99_us: busiest.map_or(0, |input| input.latency_p99_us),
             cpu: self.cpu.min(1e4),
             resident_bytes: self.resident_bytes,
             counters: last.map(|h| h.counters).unwrap_or_default(),
@@ -108,9 +111,12 @@ impl Vitals {
         Text::new(&words.join("; "))
     }
 
-    fn inputs_sum(&self, count: impl Fn(&messages::InputCounters) -> u64) -> u64 {
-        let inputs = self.heartbeat.iter().flat_map(|(_, h)| h.inputs.iter().take(h.inputs_count as usize));
-        inputs.map(count).sum()
+    fn inputs(&self) -> impl Iterator<Item = &InputCounters> {
+        self.heartbeat.iter().flat_map(|(_, h)| h.inputs.iter().take(h.inputs_count as usize))
+    }
+
+    fn inputs_sum(&self, count: impl Fn(&InputCounters) -> u64) -> u64 {
+        self.inputs().map(count).sum()
     }
 
     fn received(&self) -> u64 {
@@ -126,13 +132,12 @@ impl Vitals {
 mod tests {
     use super::*;
     use crate::lifecycle::{Plan, Role};
-    use messages::InputCounters;
 
     const UNITS: MachineUnits = MachineUnits { ticks_per_s: 100, page_bytes: 4096 };
 
     fn heartbeat(received: u64, sent: u64) -> Heartbeat {
         let mut it = Heartbeat { sent, inputs_count: 2, note: Text::new("searching"), ..Heartbeat::default() };
-        it.inputs[0] = InputCounters { received, lost: 3, ..InputCounters::default() };
+        it.inputs[0] = InputCounters { received, lost: 3, latency_median_us: 200, latency_p99_us: 900, ..InputCounters::default() };
         it.inputs[1] = InputCounters { service: Text::new("map/verdict"), received: 1, refused: 2, ..InputCounters::default() };
         it.inputs[2] = InputCounters { received: 999, ..InputCounters::default() };
         it
@@ -150,6 +155,7 @@ mod tests {
         vitals.sample(Some(Usage { ticks: 50, pages: 3 }), UNITS, Duration::from_secs(12));
         let status = vitals.status(&lifecycle(), 7, Duration::from_secs(13));
         assert_eq!((status.received, status.sent, status.lost, status.refused), (100, 40, 3, 2));
+        assert_eq!((status.latency_median_us, status.latency_p99_us), (200, 900), "of the busiest input");
         assert_eq!((status.received_per_s, status.sent_per_s, status.cpu), (50.0, 20.0, 0.25));
         assert_eq!((status.resident_bytes, status.heartbeat_age_ms, status.pid), (3 * 4096, 2000, 7));
         assert_eq!(status.note.as_str(), "refused 2 of map/verdict; searching");
