@@ -31,6 +31,7 @@ mod streams;
 mod tables;
 mod track;
 mod tracks;
+mod variables;
 mod verdict;
 
 pub use parameters::{Camera, Parameters, ParametersError, Patience};
@@ -39,3 +40,4 @@ pub use settings::{Action, Cue, Tables, VerdictRule as Rule};
 pub use state::StateError;
 pub use step::{Fti, Grounds, Verdict};
 pub use streams::Input;
+pub use variables::{Variable, variables};

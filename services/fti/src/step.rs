@@ -87,6 +87,16 @@ pub struct Fti {
     pub(crate) last: Option<(u64, Pose)>,
 }
 
+/// The ranges of the variables of Tables 3 to 5.
+pub(crate) fn ranges(parameters: &Parameters) -> Ranges {
+    Ranges {
+        forward_m: parameters.range_limit_m,
+        width_m: parameters.cone_width_m(),
+        cells: MOST_CELLS,
+        pixels: MOST_PIXELS_SHARE * PAPER_PIXELS,
+    }
+}
+
 impl Fti {
     /// Before the first input.
     ///
@@ -94,9 +104,9 @@ impl Fti {
     /// Parameters that cannot be meant.
     pub fn new(parameters: Parameters) -> Result<Self, ParametersError> {
         let cell = parameters.check()?;
-        let width_m = parameters.cone_width_m();
-        let ranges = Ranges { forward_m: parameters.range_limit_m, width_m, cells: MOST_CELLS, pixels: MOST_PIXELS_SHARE * PAPER_PIXELS };
-        let no_cone = ParametersError::OutOfRange { name: "the width of the sonar cone", found: width_m, expected: "a positive number" };
+        let ranges = ranges(&parameters);
+        let found = ranges.width_m;
+        let no_cone = ParametersError::OutOfRange { name: "the width of the sonar cone", found, expected: "a positive number" };
         Ok(Self {
             integration: Integration::new(&parameters.tables, &ranges).ok_or(no_cone)?,
             cell,

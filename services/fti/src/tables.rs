@@ -61,7 +61,7 @@ fn table(sets: [[usize; 5]; 5], c: [f64; 2], b: [f64; 2]) -> Option<RuleTable<2>
 }
 
 /// Five evenly spaced centres.
-fn evenly([low, high]: [f64; 2]) -> Vec<f64> {
+pub(crate) fn evenly([low, high]: [f64; 2]) -> Vec<f64> {
     (0..5).map(|k| low + (high - low) * f64::from(k) / 4.0).collect()
 }
 

@@ -55,6 +55,17 @@ pub(crate) enum Command {
         #[command(flatten)]
         which: Which,
     },
+    /// Shows the processes of a running deployment from second to second
+    Top {
+        #[command(flatten)]
+        which: Which,
+    },
+    /// Makes the paper's figures with the code that maps
+    Figures {
+        /// Folder for the figures; made when it is not there
+        #[arg(long, value_name = "DIR", default_value = "figures-out")]
+        out: PathBuf,
+    },
     /// Writes the map of a running deployment as it is now
     Map {
         /// Folder for the map; made when it is not there

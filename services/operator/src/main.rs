@@ -8,6 +8,7 @@ mod demo;
 mod drive;
 mod evaluate;
 mod exit;
+mod figures;
 mod inject;
 mod log;
 mod logging;
@@ -19,6 +20,7 @@ mod process;
 mod progress;
 mod replay;
 mod status;
+mod top;
 
 use clap::Parser;
 use cli::{Cli, Command};
@@ -52,6 +54,8 @@ fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
         Command::Demo { options, world } => demo::demo(&options, world.as_deref(), bars),
         Command::Replay { log, pace, options } => replay::replay(&log, pace, &options, bars),
         Command::Status { json, which } => status::status(json, &which),
+        Command::Top { which } => top::top(&which),
+        Command::Figures { out } => figures::figures(&out),
         Command::Map { out, which } => map::map(&out, &which),
         Command::Camera(command) => camera::camera(&command),
         Command::Pioneer(command) => pioneer::pioneer(&command),
