@@ -87,7 +87,7 @@ arbitrary! {
     }
     InputCounters {
         service: text(), received: any::<u64>(), lost: any::<u64>(), repeated: any::<u64>(), refused: any::<u64>(),
-        last_seq: any::<u64>()
+        last_seq: any::<u64>(), latency_median_us: any::<u32>(), latency_p99_us: any::<u32>()
     }
     Counter { name: text(), value: any::<u64>() }
     Heartbeat {
