@@ -5,7 +5,7 @@ use crate::adapter::{self, End, PORT};
 use crate::harness::{Bench, FREE, PgmMap, Run, kill, map_sha256, text};
 use crate::vivid::{self, DEVICE, WEBCAM};
 
-const SERVICES: [&str; 4] = ["recorder", "mapping", "std", "fti"];
+const SERVICES: [&str; 5] = ["recorder", "mapping", "std", "sbs", "fti"];
 
 #[test]
 #[ignore = "runs in a virtual machine: tests/device/run"]
@@ -17,22 +17,23 @@ fn a_drive_with_all_services_gives_its_map() {
     let settings = bench.write(
         "drive.toml",
         &format!(
-            "name = \"drive\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"{PORT}\"\n[mapping]\nexpect_verdicts = true\n\
+            "name = \"drive\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"{PORT}\"\n[mapping]\nexpect_verdicts = true\n[fti]\nexpect_camera = true\n\
              [camera]\ndevice = \"{DEVICE}\"\n{WEBCAM}"
         ),
     );
     adapter::connect(End::Robot);
     adapter::plug();
     let run = Run::start(bench.stillmap(["run", settings.to_str().unwrap()]));
-    bench.wait_for("camera", "20 pictures", |it| it["sent"].as_u64() > Some(20));
+    let fti_says = |words: &str| bench.wait_for("fti", words, |it| it["note"].as_str().is_some_and(|note| note.starts_with(words)));
+    fti_says("sonar and camera");
     let before = bench.wait_for("mapping", "40 scans", |it| it["received"].as_u64() > Some(40));
     kill(before["pid"].as_u64().unwrap());
     bench.wait_for("mapping", "it is back", |it| it["restarts"] == 1 && it["state"] == "running");
     vivid::pull();
     bench.wait_for("camera", "the camera is gone", |it| it["note"].as_str().is_some_and(|note| note.contains("no such device")));
+    fti_says("sonar only since");
     vivid::plug();
-    let pictures = bench.wait_for("camera", "it lives", |it| it["sent"].is_u64())["sent"].as_u64().unwrap();
-    bench.wait_for("camera", "20 more pictures", |it| it["sent"].as_u64() > Some(pictures + 20));
+    fti_says("sonar and camera");
     bench.wait_for("pioneer", "200 scans", |it| it["sent"].as_u64() > Some(200));
     let pid = rustix::process::Pid::from_raw(i32::try_from(run.pid()).unwrap()).unwrap();
     rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
