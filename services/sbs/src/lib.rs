@@ -34,6 +34,7 @@ mod direct;
 pub mod estimation;
 pub mod field;
 mod icp;
+mod kept;
 mod learning;
 mod local;
 pub mod mixture;

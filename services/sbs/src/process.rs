@@ -6,11 +6,11 @@ use settings::{Compensation, Freedom, Pace};
 
 use crate::background::BackgroundRule;
 use crate::blobs::BlobRule;
-use crate::checkpoint::CheckpointError;
+use crate::kept::{Kept, Place};
 use crate::plane::Plane;
 use crate::remarks::Remarks;
 use crate::settings::{Method, Settings};
-use crate::state::{Frame, Remark, State};
+use crate::state::{Frame, Remark};
 use crate::transform::{Class, Transform};
 
 /// Frames between two checkpoints: with the lockstep window fewer than the stream's history holds.
@@ -71,13 +71,6 @@ fn parameters(settings: &settings::Settings) -> Settings {
     }
 }
 
-/// Number and stamp of the last frame that was answered.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Place {
-    seq: u64,
-    stamp_ns: u64,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 struct Counts {
     answered: u64,
@@ -88,13 +81,12 @@ struct Counts {
 }
 
 struct Subtraction {
-    state: State,
+    kept: Kept,
     frames: FrameReader<CameraFrame>,
     motions: Writer<CameraMotion>,
     masks: FrameWriter<CameraMask>,
     backgrounds: FrameWriter<CameraBackground>,
     checkpoint: Checkpoint,
-    place: Place,
     /// Last frame that the checkpoint includes.
     checkpointed: u64,
     lockstep: bool,
@@ -110,7 +102,7 @@ impl Process for Subtraction {
                 next = if self.frames.ended() || context.stopping() { Next::Finished } else { Next::Wait };
                 break;
             }
-            context.answered_frames::<CameraFrame>(self.place.seq);
+            context.answered_frames::<CameraFrame>(self.kept.place.seq);
         }
         if next == Next::Finished {
             self.finish()?;
@@ -123,18 +115,21 @@ impl Process for Subtraction {
 impl Subtraction {
     fn new(shell: &mut Shell, settings: &settings::Settings) -> Result<Self, BusError> {
         let checkpoint = shell.checkpoint();
-        let (state, place) = take_up(&checkpoint, parameters(settings));
+        let kept = Kept::take_up(&checkpoint, parameters(settings));
         let mut frames = shell.frame_reader()?;
-        frames.skip_to(place.seq);
+        frames.skip_to(kept.place.seq);
+        let mut motions: Writer<CameraMotion> = shell.writer()?;
+        for (place, motion) in &kept.recent {
+            motions.send(place.seq, place.stamp_ns, motion)?;
+        }
         Ok(Self {
-            state,
+            checkpointed: kept.place.seq,
+            kept,
             frames,
-            motions: shell.writer()?,
+            motions,
             masks: shell.frame_writer()?,
             backgrounds: shell.frame_writer()?,
             checkpoint,
-            place,
-            checkpointed: place.seq,
             lockstep: settings.pace == Pace::Lockstep,
             counts: Counts::default(),
             remarks: Remarks::default(),
@@ -144,11 +139,11 @@ impl Subtraction {
     /// Answers the next frame; false when none waits.
     fn answer_next(&mut self) -> Result<bool, StepError> {
         let frame = self.next_frame()?;
-        if let Some(refused) = self.frames.take_refused().filter(|refused| refused.seq > self.place.seq) {
+        if let Some(refused) = self.frames.take_refused().filter(|refused| refused.seq > self.kept.place.seq) {
             let is_before = frame.as_ref().is_none_or(|frame| refused.seq < frame.seq());
             if is_before {
                 // What follows must not seem to run backwards because this one does.
-                let stamp_ns = refused.stamp_ns.max(self.place.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
+                let stamp_ns = refused.stamp_ns.max(self.kept.place.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
                 self.refuse(Place { seq: refused.seq, stamp_ns }, &refused.problem)?;
             }
         }
@@ -172,16 +167,15 @@ impl Subtraction {
 
     fn answer(&mut self, frame: &bus::Frame<CameraFrame>) -> Result<(), StepError> {
         let place = Place { seq: frame.seq(), stamp_ns: frame.stamp_ns() };
-        let answer = self.state.step(&Frame { stamp_ns: place.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
+        let answer =
+            self.kept.state.step(&Frame { stamp_ns: place.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
         if let Some(words) = self.remarks.answered(place.seq, &answer) {
             tracing::info!("{words}");
         }
         self.counts.refused += u64::from(matches!(answer.remark, Remark::Refused(_)));
         self.counts.not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
         self.counts.blobs += u64::from(answer.motion.count);
-        self.motions.send(place.seq, place.stamp_ns, &answer.motion)?;
-        self.counts.answered += 1;
-        self.place = place;
+        self.send(place, answer.motion)?;
         self.show()?;
         if place.seq >= self.checkpointed + CHECKPOINT_FRAMES {
             self.save()?;
@@ -196,24 +190,28 @@ impl Subtraction {
         }
         let transform = Transform::identity().rows();
         let motion = CameraMotion { transform, status: CameraStatus::Refused as u32, ..CameraMotion::default() };
-        self.motions.send(place.seq, place.stamp_ns, &motion)?;
         self.counts.refused += 1;
+        Ok(self.send(place, motion)?)
+    }
+
+    fn send(&mut self, place: Place, motion: CameraMotion) -> Result<(), BusError> {
+        self.motions.send(place.seq, place.stamp_ns, &motion)?;
         self.counts.answered += 1;
-        self.place = place;
+        self.kept.answered(place, motion);
         Ok(())
     }
 
     /// Sends pictures to whoever looks.
     fn show(&mut self) -> Result<(), BusError> {
-        let Place { seq, stamp_ns } = self.place;
+        let Place { seq, stamp_ns } = self.kept.place;
         if self.masks.is_read()
-            && let Some(mask) = self.state.mask()
+            && let Some(mask) = self.kept.state.mask()
         {
             self.masks.send(seq, stamp_ns, grey(&mask), mask.values())?;
         }
         if seq.is_multiple_of(BACKGROUND_FRAMES)
             && self.backgrounds.is_read()
-            && let Some(background) = self.state.background()
+            && let Some(background) = self.kept.state.background()
         {
             self.backgrounds.send(seq, stamp_ns, grey(&background), background.values())?;
         }
@@ -221,17 +219,15 @@ impl Subtraction {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let Place { seq, stamp_ns } = self.place;
-        let mut bytes = [seq.to_le_bytes(), stamp_ns.to_le_bytes()].concat();
-        bytes.extend(self.state.save());
+        let bytes = self.kept.to_bytes();
         self.checkpoint.save(&bytes)?;
-        self.checkpointed = seq;
+        self.checkpointed = self.kept.place.seq;
         Ok(())
     }
 
     fn finish(&mut self) -> Result<(), StepError> {
         self.save()?;
-        let Place { seq, stamp_ns } = self.place;
+        let Place { seq, stamp_ns } = self.kept.place;
         self.motions.end(seq, stamp_ns)?;
         self.masks.end(seq, stamp_ns)?;
         self.backgrounds.end(seq, stamp_ns)?;
@@ -251,32 +247,6 @@ impl Subtraction {
 
 fn grey(plane: &Plane<u8>) -> FrameLayout {
     FrameLayout::packed(plane.width() as u32, plane.height() as u32, PixelFormat::Grey)
-}
-
-/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> (State, Place) {
-    let problem = match checkpoint.load() {
-        Ok(None) => None,
-        Ok(Some(bytes)) => match restore(parameters.clone(), &bytes) {
-            Ok((state, place)) => {
-                tracing::info!("goes on after frame {}", place.seq);
-                return (state, place);
-            }
-            Err(error) => Some(format!("the state in the checkpoint: {error}")),
-        },
-        Err(error) => Some(error.to_string()),
-    };
-    if let Some(problem) = problem {
-        tracing::error!("learns the background anew: {problem}");
-    }
-    (State::new(parameters), Place::default())
-}
-
-fn restore(parameters: Settings, bytes: &[u8]) -> Result<(State, Place), CheckpointError> {
-    let (numbers, state) = bytes.split_at_checked(16).unwrap_or((&[], bytes));
-    let (numbers, _) = numbers.as_chunks::<8>();
-    let number = |at: usize| numbers.get(at).map_or(0, |bytes| u64::from_le_bytes(*bytes));
-    Ok((State::restore(parameters, state)?, Place { seq: number(0), stamp_ns: number(1) }))
 }
 
 #[cfg(test)]
