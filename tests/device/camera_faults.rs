@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use camera::{Camera, Coding, Device, Held, Wish};
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::PATIENT;
-use crate::harness::{Bench, Run, text};
+use crate::harness::{Bench, Run, signal, text};
 use crate::vivid::{self, AUTO_GAIN, DEVICE, Fault, GAIN, WEBCAM};
 
 /// A deployment that takes pictures. Its robot is not there, and that is no matter.
@@ -57,8 +58,7 @@ impl Shooting {
 
     /// Ends it; what it logged.
     fn end(self) -> String {
-        let pid = rustix::process::Pid::from_raw(i32::try_from(self.run.pid()).unwrap()).unwrap();
-        rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+        signal(self.run.pid().into(), Signal::INT);
         let output = self.run.end();
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         text(&output.stderr)

@@ -1,8 +1,10 @@
 //! Everything at once: a robot on the adapter, the virtual camera, all services, and what goes wrong on the way.
 
+use rustix::process::Signal;
+
 use crate::PATIENT;
 use crate::adapter::{self, End, PORT};
-use crate::harness::{Bench, FREE, PgmMap, Run, kill, map_sha256, text};
+use crate::harness::{Bench, FREE, PgmMap, Run, kill, map_sha256, signal, text};
 use crate::vivid::{self, DEVICE, WEBCAM};
 
 const SERVICES: [&str; 5] = ["recorder", "mapping", "std", "sbs", "fti"];
@@ -17,8 +19,8 @@ fn a_drive_with_all_services_gives_its_map() {
     let settings = bench.write(
         "drive.toml",
         &format!(
-            "name = \"drive\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"{PORT}\"\n[mapping]\nexpect_verdicts = true\n[fti]\nexpect_camera = true\n\
-             [camera]\ndevice = \"{DEVICE}\"\n{WEBCAM}"
+            "name = \"drive\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"{PORT}\"\n[mapping]\nexpect_verdicts = true\n\
+             [fti]\nexpect_camera = true\n[camera]\ndevice = \"{DEVICE}\"\n{WEBCAM}"
         ),
     );
     adapter::connect(End::Robot);
@@ -35,8 +37,7 @@ fn a_drive_with_all_services_gives_its_map() {
     vivid::plug();
     fti_says("sonar and camera");
     bench.wait_for("pioneer", "200 scans", |it| it["sent"].as_u64() > Some(200));
-    let pid = rustix::process::Pid::from_raw(i32::try_from(run.pid()).unwrap()).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    signal(run.pid().into(), Signal::INT);
     let output = run.end();
     adapter::pull();
     map_sha256(&output);

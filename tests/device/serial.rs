@@ -2,10 +2,11 @@
 
 use drivelog::{Entry, Log};
 use messages::SonarScan;
+use rustix::process::Signal;
 
 use crate::PATIENT;
 use crate::adapter::{self, End, PORT};
-use crate::harness::{Bench, Run, text};
+use crate::harness::{Bench, Run, signal, text};
 
 /// The simulated robot's speed, m/s.
 const SPEED_M_S: f64 = 0.25;
@@ -36,8 +37,7 @@ fn pulled_out_in_mid_drive_and_put_back() {
     adapter::plug();
     let pioneer = bench.wait_for("pioneer", "80 more scans", |it| it["sent"].as_u64() > Some(at_gap + 80));
     assert_eq!((&pioneer["restarts"], &pioneer["counters"]["reconnects"]), (&0.into(), &1.into()));
-    let pid = rustix::process::Pid::from_raw(i32::try_from(run.pid()).unwrap()).unwrap();
-    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    signal(run.pid().into(), Signal::INT);
     let output = run.end();
     adapter::pull();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
