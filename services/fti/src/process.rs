@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Shell, StepError, Writer};
 use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
 use serde::{Deserialize, Serialize};
 use settings::{Pace, Settings};
@@ -43,7 +43,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
     let parameters = Parameters::of_settings(settings).at_speed(speed);
     let with_camera = parameters.camera.is_some();
     let checkpoint = shell.checkpoint();
-    let (fti, place) = take_up(&checkpoint, parameters)?;
+    let (fti, place, recent) = take_up(&checkpoint, parameters)?;
+    let mut verdicts = shell.writer()?;
+    recent.say_again(&mut verdicts)?;
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(place.scan);
     let mut sonar = shell.reader::<SonarMotion>()?;
@@ -59,7 +61,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
         scans,
         sonar,
         camera,
-        verdicts: shell.writer()?,
+        verdicts,
+        recent,
         walkers: shell.writer()?,
         outlook: shell.writer()?,
         checkpoint,
@@ -106,6 +109,7 @@ struct Integration {
     /// `None` where no camera is expected.
     camera: Option<Reader<CameraMotion>>,
     verdicts: Writer<FilterVerdict>,
+    recent: Recent<FilterVerdict>,
     walkers: Writer<Walkers>,
     outlook: Writer<VerdictOutlook>,
     checkpoint: Checkpoint,
@@ -216,6 +220,7 @@ impl Integration {
             self.counts.withheld += u64::from(given.verdict.withheld.count_ones());
             self.counts.sonar_only += u64::from(given.verdict.inputs & FilterVerdict::FROM_CAMERA == 0);
             self.counts.blind += u64::from(given.verdict.inputs == 0);
+            self.recent.note(given.seq, given.stamp_ns, &given.verdict);
             self.verdicts.send(given.seq, given.stamp_ns, &given.verdict)?;
             self.place.decided = (given.seq, given.stamp_ns);
         }
@@ -252,7 +257,7 @@ impl Integration {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let bytes = postcard::to_allocvec(&(self.place, self.fti.to_bytes()))?;
+        let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.fti.to_bytes()))?;
         self.checkpoint.save(&bytes)?;
         self.checkpointed = self.place.scan;
         Ok(())
@@ -302,7 +307,7 @@ impl Integration {
 }
 
 /// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Fti, Place), ParametersError> {
+fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Fti, Place, Recent<FilterVerdict>), ParametersError> {
     let problem = match checkpoint.load() {
         Ok(None) => None,
         Ok(Some(bytes)) => match restore(parameters.clone(), &bytes) {
@@ -317,10 +322,11 @@ fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Fti, Plac
     if let Some(problem) = problem {
         tracing::error!("begins anew: {problem}");
     }
-    Ok((Fti::new(parameters)?, Place::default()))
+    Ok((Fti::new(parameters)?, Place::default(), Recent::default()))
 }
 
-fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Fti, Place), StateError> {
-    let (place, state): (Place, Vec<u8>) = postcard::from_bytes(bytes)?;
-    Ok((Fti::from_bytes(parameters, &state)?, place))
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
+    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
+    let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
+    Ok((Fti::from_bytes(parameters, &state)?, place, recent))
 }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub(crate) const SETTINGS: &str = include_str!("../../../config/demo.toml");
 const WORLD: &str = include_str!("../../../config/worlds/hall.toml");
 /// Fast enough not to bore, slow enough to look at.
-const SPEED: f64 = 10.0;
+const SPEED: f64 = 5.0;
 /// The same for somebody who watches the live page.
 const WATCHED_SPEED: f64 = 3.0;
 

@@ -1,6 +1,6 @@
 //! The process around STD: scans from the bus, an answer to each onto it.
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Shell, StepError, Writer};
 use messages::{SonarMotion, SonarScan};
 use serde::{Deserialize, Serialize};
 use settings::Settings;
@@ -33,11 +33,22 @@ pub enum StdError {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let parameters = Parameters::of_settings(settings);
     let checkpoint = shell.checkpoint();
-    let (std, place) = take_up(&checkpoint, parameters)?;
+    let (std, place, recent) = take_up(&checkpoint, parameters)?;
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(place.seq);
-    let motions = shell.writer()?;
-    Ok(shell.run(&mut Difference { std, scans, motions, checkpoint, place, checkpointed: place.seq, moving_scans: 0, movers: 0 })?)
+    let mut motions = shell.writer()?;
+    recent.say_again(&mut motions)?;
+    Ok(shell.run(&mut Difference {
+        std,
+        scans,
+        motions,
+        recent,
+        checkpoint,
+        place,
+        checkpointed: place.seq,
+        moving_scans: 0,
+        movers: 0,
+    })?)
 }
 
 /// The last scan that was answered.
@@ -51,6 +62,7 @@ struct Difference {
     std: Std,
     scans: Reader<SonarScan>,
     motions: Writer<SonarMotion>,
+    recent: Recent<SonarMotion>,
     checkpoint: Checkpoint,
     place: Place,
     /// Last scan that the checkpoint includes.
@@ -99,6 +111,7 @@ impl Difference {
         let motion = self.std.step(stamp_ns, scan);
         self.moving_scans += u64::from(motion.count > 0);
         self.movers += u64::from(motion.count);
+        self.recent.note(seq, stamp_ns, &motion);
         self.motions.send(seq, stamp_ns, &motion)?;
         if seq >= self.checkpointed + CHECKPOINT_SCANS {
             self.save()?;
@@ -107,7 +120,7 @@ impl Difference {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let bytes = postcard::to_allocvec(&(self.place, self.std.to_bytes()))?;
+        let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.std.to_bytes()))?;
         self.checkpoint.save(&bytes)?;
         self.checkpointed = self.place.seq;
         Ok(())
@@ -115,7 +128,7 @@ impl Difference {
 }
 
 /// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Std, Place), ParametersError> {
+fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Std, Place, Recent<SonarMotion>), ParametersError> {
     let problem = match checkpoint.load() {
         Ok(None) => None,
         Ok(Some(bytes)) => match restore(parameters, &bytes) {
@@ -130,10 +143,11 @@ fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Std, Plac
     if let Some(problem) = problem {
         tracing::error!("begins anew: {problem}");
     }
-    Ok((Std::new(parameters)?, Place::default()))
+    Ok((Std::new(parameters)?, Place::default(), Recent::default()))
 }
 
-fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Place), StateError> {
-    let (place, state): (Place, Vec<u8>) = postcard::from_bytes(bytes)?;
-    Ok((Std::from_bytes(parameters, &state)?, place))
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Place, Recent<SonarMotion>), StateError> {
+    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
+    let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
+    Ok((Std::from_bytes(parameters, &state)?, place, recent))
 }
