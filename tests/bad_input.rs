@@ -53,9 +53,11 @@ fn settings() {
 fn worlds() {
     let bench = Bench::new();
     let out = bench.path("out");
-    for (from, to) in
-        [("speed_m_s = 0.25", "speed_m_s = -3"), ("[robot]", "[robbot]"), ("along_m = [[0, 0], [14, 0]]", "along_m = [[0, 0]]")]
-    {
+    for (from, to) in [
+        ("speed_m_s = 0.28", "speed_m_s = -3"),
+        ("[robot]", "[robbot]"),
+        ("along_m = [[0, 0], [12, 0], [12, 7], [0, 7], [0, 0]]", "along_m = [[0, 0]]"),
+    ] {
         assert!(WORLD.contains(from));
         let bad = bench.write("bad-world.toml", &WORLD.replacen(from, to, 1));
         refuses(&bench, &["demo", "--world", name(&bad), "--out", name(&out)], &["bad-world.toml:"]);
