@@ -5,7 +5,7 @@ use crate::direct;
 use crate::icp;
 use crate::order;
 use crate::plane::Plane;
-use crate::pyramid::Pyramid;
+use crate::pyramid::{LEVELS, Pyramid};
 use crate::samples::strongest;
 use crate::settings::{Method, Settings};
 use crate::transform::Transform;
@@ -17,6 +17,8 @@ const CORNER_MAX: f64 = 0.25;
 /// An alternative must win by this much support against the simpler one before it.
 const WIN: f64 = 0.005;
 
+/// With this share of inliers a guess needs no coarse levels to lead it on.
+const NEAR: f64 = 0.9;
 /// One in so many samples tells how well a transform agrees.
 pub(crate) const THINNED: usize = 2;
 
@@ -54,11 +56,14 @@ pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Op
         |transform: Transform| Found { transform, agreement: agreement(&few, &frames.previous.base().image, frames.gain, &transform) };
     let mut best = judge(Transform::identity());
     for guess in [odometry, Some(prediction)].into_iter().flatten() {
-        best = better(best, judge(guess));
+        if guess != best.transform {
+            best = better(best, judge(guess));
+        }
     }
     let estimate = match settings.method {
         Method::Direct => {
-            direct::estimate(frames.current, frames.previous, frames.moving, &samples, frames.gain, settings.class, best.transform)
+            let coarsest = if best.agreement.inliers >= NEAR { 0 } else { LEVELS - 1 };
+            direct::estimate(frames, &samples, settings.class, best.transform, coarsest)
         }
         Method::Icp => icp::estimate(frames.current.base(), frames.previous.base(), frames.moving, settings.class, best.transform),
     };

@@ -1,12 +1,12 @@
 //! T without landmarks: robust direct Gauss–Newton on a pyramid, current frame against the previous one.
 
 use nalgebra::{Matrix3, SMatrix, SVector};
-
 use wide::f32x8;
 
+use crate::compensation::Frames;
 use crate::order;
 use crate::plane::Plane;
-use crate::pyramid::{LEVELS, Pyramid};
+use crate::pyramid::LEVELS;
 use crate::resample::BETWEEN;
 use crate::samples::{Compared, Samples, compare, strongest};
 use crate::transform::{Class, Transform};
@@ -14,27 +14,30 @@ use crate::vectorised::vectorised;
 
 /// Most Gauss–Newton steps on each level, finest first.
 const STEPS: [usize; LEVELS] = [1, 3, 5];
+/// The same on the finest level where no coarse one led the way to it.
+const STEPS_ALONE: usize = 3;
 /// A step that moves the level's corners by less, px, is the last.
 const STEP_MIN_PX: f64 = 0.02;
 
 /// The transform of a class that best maps the current frame into the previous one, from a start nearby.
 ///
-/// `moving` marks pixels that take no part, `base_samples` are those of the finest level that do; `gain` is the brightness of the current frame over the previous one.
+/// The search begins on level `coarsest`: 0 for a start that is all but right. `moving` marks pixels that take no part,
+/// `base_samples` are those of the finest level that do; `gain` is the brightness of the current frame over the previous one.
 pub(crate) fn estimate(
-    current: &Pyramid,
-    previous: &Pyramid,
-    moving: &Plane<u8>,
+    Frames { current, previous, moving, gain }: &Frames<'_>,
     base_samples: &Samples,
-    gain: f32,
     class: Class,
     start: Transform,
+    coarsest: usize,
 ) -> Option<Transform> {
-    let mut transform = start.scaled(0.5_f64.powi(LEVELS as i32 - 1))?;
+    let coarsest = coarsest.min(LEVELS - 1);
+    let mut transform = start.scaled(0.5_f64.powi(coarsest as i32))?;
     let mut memory = Memory::default();
-    for k in (0..LEVELS).rev() {
+    for k in (0..=coarsest).rev() {
         let coarse = (k > 0).then(|| strongest(&current.levels[k], k, moving));
-        let task = Task::new(coarse.as_ref().unwrap_or(base_samples), &previous.levels[k].image, gain, class);
-        for _ in 0..STEPS[k] {
+        let task = Task::new(coarse.as_ref().unwrap_or(base_samples), &previous.levels[k].image, *gain, class);
+        let steps = if coarsest == 0 { STEPS_ALONE } else { STEPS[k] };
+        for _ in 0..steps {
             let Some((next, moved)) = task.step(&transform, &mut memory) else { break };
             transform = next;
             if moved < STEP_MIN_PX {
