@@ -14,8 +14,9 @@ const START_M: [f64; 2] = [0.9, 1.0];
 fn a_drive_ends_with_the_corridor_and_its_log_with_the_same_map() {
     let bench = Bench::new();
     let out = bench.path("out");
-    let demo = bench.output(["demo", "--speed", "30", "--world", CORRIDOR, "--out", out.to_str().unwrap()]);
-    let driven = map_sha256(&demo);
+    let settings = bench.sonar_only(CORRIDOR);
+    let drive = bench.output(["run", settings.to_str().unwrap(), "--speed", "30", "--out", out.to_str().unwrap()]);
+    let driven = map_sha256(&drive);
 
     let map = PgmMap::read(&out);
     let wall = |from: [f64; 2], to: [f64; 2]| {

@@ -9,7 +9,8 @@ const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds
 
 fn start(bench: &Bench) -> Run {
     let out = bench.path("out");
-    Run::start(bench.stillmap(["demo", "--speed", "10", "--world", CORRIDOR, "--out", out.to_str().unwrap()]))
+    let settings = bench.sonar_only(CORRIDOR);
+    Run::start(bench.stillmap(["run", settings.to_str().unwrap(), "--speed", "10", "--out", out.to_str().unwrap()]))
 }
 
 /// Kills the process in mid-drive and looks at what came of it; the hash of the map.

@@ -51,6 +51,24 @@ impl Bench {
         self.runtime.path()
     }
 
+    /// A deployment file: the demo's, in this world, with the sonars alone and with patience. What a busy machine delays changes
+    /// nothing then: no picture is skipped and no deadline passes.
+    pub(crate) fn sonar_only(&self, world: &str) -> PathBuf {
+        let demo = include_str!("../../config/demo.toml");
+        let changes = [
+            ("worlds/hall.toml", world),
+            ("provides = \"pictures\"", "provides = \"off\""),
+            ("expect_camera = true", "patience_s = 10"),
+            ("[[process]]\nname = \"sbs\"          # what moves, as the camera sees it\nrun = \"sbs\"\n", ""),
+            ("[[process]]\nname = \"viewer\"       # the live page for a browser; the run does not depend on it\nrun = \"viewer\"\n", ""),
+        ];
+        let text = changes.into_iter().fold(demo.to_owned(), |text, (from, to)| {
+            assert!(text.contains(from), "{from}");
+            text.replacen(from, to, 1)
+        });
+        self.write("sonar-only.toml", &text)
+    }
+
     /// The `stillmap` command in this bench.
     pub(crate) fn stillmap<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Command {
         let mut command = Command::new(&self.executable);

@@ -81,6 +81,7 @@ impl<T: Payload> Recent<T> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
     use super::*;
     use messages::{FilterVerdict, Qos};
 
