@@ -6,7 +6,7 @@
 //! | [`Held`] | which controls to set for what a person asks for |
 //! | [`Shape`] | from a device's bytes to luminance, in one pass |
 //! | [`Camera`], [`Device`], [`Stream`] | the device itself, through the kernel's calls (`abi`) |
-//! | [`offer`], [`snapshot`] | what a person asks about a camera before the first drive |
+//! | [`offer`], [`snapshot()`] | what a person asks about a camera before the first drive |
 //!
 //! The first three open no device and read no clock.
 //!

@@ -11,7 +11,7 @@
 //! | [`Odometry`] | counters that wrap around to a pose that never jumps |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
 //! | [`recording`] | decodes what somebody has recorded |
-//! | [`probe`] | asks who is on a port |
+//! | [`probe()`] | asks who is on a port |
 //!
 //! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
