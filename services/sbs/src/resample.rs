@@ -80,7 +80,8 @@ impl Grid {
         for ((((at, near), (share_u, share_v)), inside), (&u, &v)) in out.zip(places.u.iter().zip(&places.v)) {
             let held = (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5);
             let between = (u >= 0.0) & (v >= 0.0) & (u <= last_u) & (v <= last_v);
-            let whole = (u >= 1.0) & (v >= 1.0) & (u < w - 2.0) & (v < h - 2.0);
+            // The pixel at or left of and above a place at 1 exactly may be 0, which has no neighbour before it.
+            let whole = (u > 1.0) & (v > 1.0) & (u < w - 2.0) & (v < h - 2.0);
             let (u, v) = (limited(u, last_u), limited(v, last_v));
             let (below_u, below_v) = (below(u, last_u), below(v, last_v));
             *at = (whole_number(below_v) * stride + whole_number(below_u)) as u32;
@@ -261,4 +262,38 @@ fn lanes(values: &[f32], from: usize) -> f32x4 {
     let mut four = [0.0; 4];
     four.copy_from_slice(&values[from..from + 4]);
     f32x4::new(four)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture of 16 × 9 and its values at places in a row: those of its pixels.
+    fn check(u: [f32; LANES + 1], v: f32) {
+        let picture = Plane::from_values(16, 9, (0..16 * 9).map(|at| (at * 37 % 101) as f32).collect()).unwrap();
+        let mut grid = Grid::default();
+        grid.set(&Places { u: u.to_vec(), v: vec![v; u.len()] }, 16, 9);
+        let (mut cubic, mut linear) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        grid.cubic(&picture, &mut cubic);
+        grid.linear(&picture, &mut linear);
+        for (k, u) in u.into_iter().enumerate() {
+            let expected = picture.row(v as usize)[u as usize];
+            assert!(
+                (cubic[k] - expected).abs() < 1e-3 && (linear[k] - expected).abs() < 1e-3,
+                "{u}, {v}: {expected}, {cubic:?}, {linear:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn places_on_pixels_have_their_values() {
+        for v in 0..9 {
+            let row = |first: usize| std::array::from_fn(|k| (first + k) as f32);
+            for first in 0..16 - LANES {
+                check(row(first), v as f32);
+            }
+            // Places that do not follow each other, the second pixel among them.
+            check([1.0, 3.0, 2.0, 1.0, 14.0, 0.0, 15.0, 7.0, 1.0], v as f32);
+        }
+    }
 }
