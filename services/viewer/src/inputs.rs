@@ -97,17 +97,18 @@ impl Inputs {
     }
 
     /// Takes the pictures that wait and puts the newest on the board; when nobody looks, or it is too early for another, they
-    /// are let go.
-    pub(crate) fn take_pictures(&mut self, board: &mut Board, are_wanted: bool) -> Result<(), BusError> {
+    /// are let go. True when there is a new one.
+    pub(crate) fn take_pictures(&mut self, board: &mut Board, are_wanted: bool) -> Result<bool, BusError> {
         let frame = newest(&mut self.frames)?;
         let mask = newest(&mut self.masks)?;
+        let is_new = are_wanted && frame.is_some();
         if let Some(frame) = frame.filter(|_| are_wanted) {
             board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
         }
         if let Some(mask) = mask.filter(|_| are_wanted) {
             board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
         }
-        Ok(())
+        Ok(is_new)
     }
 }
 

@@ -168,10 +168,10 @@ impl Viewer {
     fn take_pictures(&mut self, now: Instant) -> Result<(), BusError> {
         let is_watched = self.server.as_ref().is_some_and(|server| server.watching() > 0);
         let are_wanted = is_watched && now.saturating_duration_since(self.pictured) >= PICTURE;
-        if are_wanted {
+        if self.inputs.take_pictures(&mut self.board, are_wanted)? {
             self.pictured = now;
         }
-        self.inputs.take_pictures(&mut self.board, are_wanted)
+        Ok(())
     }
 
     fn note_news(&mut self, taken: &Taken, now: Instant) {
