@@ -66,13 +66,15 @@ impl Picture {
 
 fuzz_target!(|input: Input| {
     let method = if input.icp { Method::Icp } else { Method::Direct };
-    let settings = Settings { training_frames: usize::from(input.training_frames % 5), method, horizon: input.horizon, ..Settings::default() };
+    let settings =
+        Settings { training_frames: usize::from(input.training_frames % 5), method, horizon: input.horizon, ..Settings::default() };
     let mut state = State::new(settings.clone());
     let mut last_ns = None;
     for picture in input.pictures.iter().take(12) {
         let layout = picture.layout();
         let bytes = picture.bytes(&layout);
-        let stamp_ns = if picture.absolute { picture.time_ns } else { last_ns.unwrap_or(0_u64).saturating_add(picture.time_ns % 200_000_000) };
+        let stamp_ns =
+            if picture.absolute { picture.time_ns } else { last_ns.unwrap_or(0_u64).saturating_add(picture.time_ns % 200_000_000) };
         let odometry = picture.yaw_rad.map(|yaw_rad| Odometry { yaw_rad });
         let answer = state.step(&Frame { stamp_ns, layout, bytes: &bytes, odometry });
         answer.motion.validate().unwrap();

@@ -1,0 +1,74 @@
+//! Sound input, and what becomes of it.
+#![allow(dead_code, reason = "each target uses its part")]
+
+use std::sync::LazyLock;
+
+use fti::Fti;
+use mapping::Mapper;
+use messages::{Pose, SonarReading, SonarScan};
+use settings::{Pace, Settings};
+use stillmap_std::Std;
+
+/// The settings that the targets run with.
+pub const DEMO: &str = include_str!("../../../config/demo.toml");
+
+/// As they are read.
+pub static SETTINGS: LazyLock<Settings> = LazyLock::new(|| Settings::parse("demo.toml", DEMO).unwrap());
+
+/// Six bytes of the input are one change each: where, how long, what. What is left of a sound input reaches further into what
+/// reads it than chance would.
+pub fn changed(sound: &[u8], changes: &[u8]) -> Vec<u8> {
+    let mut changed = sound.to_vec();
+    for [kind, a, b, c, length, value] in changes.as_chunks::<6>().0 {
+        let at = u32::from_le_bytes([*a, *b, *c, 0]) as usize % (changed.len() + 1);
+        let end = (at + usize::from(*length)).min(changed.len());
+        match kind % 6 {
+            0 => changed.truncate(at),
+            1 => drop(changed.drain(at..end)),
+            2 => {
+                let piece = changed[at..end].to_vec();
+                changed.splice(at..at, piece);
+            }
+            3 => changed.insert(at, *value),
+            4 if at < changed.len() => changed[at] ^= 1 << (value % 8),
+            _ if at < changed.len() => changed[at] = *value,
+            _ => {}
+        }
+    }
+    changed
+}
+
+/// A drive past a wall, in which something comes and goes.
+pub fn scans() -> Vec<SonarScan> {
+    let range_m = |step: u32, sonar: u32| if step / 9 % 2 == 1 && sonar == 3 { 0.7 } else { 1.0 + f64::from(sonar) * 0.2 };
+    let reading = |step: u32, sonar: u32| SonarReading {
+        mount: Pose { x_m: 0.1, y_m: 0.0, yaw_rad: f64::from(sonar) * 0.3 - 0.9 },
+        range_m: range_m(step, sonar),
+        sonar,
+        echo: 1,
+    };
+    let pose = |step: u32| Pose { x_m: f64::from(step) * 0.02, y_m: 0.1, yaw_rad: f64::from(step) * 0.01 };
+    (0..60).map(|step| SonarScan::new(pose(step), &[reading(step, 3), reading(step, step % 7)], false)).collect()
+}
+
+/// The services before their first scan.
+pub fn services() -> (Mapper, Std, Fti) {
+    let settings = &*SETTINGS;
+    let mapper = Mapper::new(mapping::Parameters::new(&settings.mapping, Pace::Lockstep).unwrap());
+    let std = Std::new(stillmap_std::Parameters::of_settings(settings)).unwrap();
+    (mapper, std, Fti::new(fti::Parameters::of_settings(settings)).unwrap())
+}
+
+/// Takes scans, each answered by STD.
+pub fn drive(services: &mut (Mapper, Std, Fti), scans: &[SonarScan]) {
+    let (mapper, std, fti) = services;
+    let mut verdicts = Vec::new();
+    for (seq, scan) in (1..).zip(scans) {
+        let stamp_ns = seq * 100_000_000;
+        let _ = mapper.step(mapping::Input::Scan { seq, stamp_ns, scan });
+        let motion = std.step(stamp_ns, scan);
+        fti.take(fti::Input::Scan { seq, stamp_ns, scan });
+        fti.take(fti::Input::Sonar { seq, motion: &motion });
+        while fti.advance(&mut verdicts) {}
+    }
+}
