@@ -6,8 +6,12 @@ mod harness;
 use std::net::TcpStream;
 use std::time::Duration;
 
+use drivelog::Logged;
 use harness::{Bench, Run, text};
+use messages::SonarScan;
 use serde_json::Value;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
 
 const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
@@ -53,6 +57,34 @@ impl Watcher {
     }
 }
 
+/// Foxglove as it connects to the port that the page names: the topics it can have, and a message of one of them.
+fn foxglove(watcher: &mut Watcher, topic: &str) -> (Vec<String>, Vec<u8>) {
+    let port = &watcher.wait("deployment", |deployment| deployment["foxglove_port"].is_u64())["foxglove_port"];
+    let stream = TcpStream::connect(("127.0.0.1", u16::try_from(port.as_u64().unwrap()).unwrap())).unwrap();
+    stream.set_read_timeout(Some(WATCHDOG)).unwrap();
+    let mut request = format!("ws://127.0.0.1:{port}/").into_client_request().unwrap();
+    request.headers_mut().insert("Sec-WebSocket-Protocol", HeaderValue::from_static("foxglove.sdk.v1"));
+    let (mut socket, _) = tungstenite::client(request, stream).unwrap();
+    let mut topics = Vec::new();
+    loop {
+        match socket.read().expect("the port goes on") {
+            Message::Text(json) => {
+                let said: Value = serde_json::from_str(&json).unwrap();
+                for channel in said["channels"].as_array().into_iter().flatten() {
+                    topics.push(channel["topic"].as_str().unwrap().to_owned());
+                    if channel["topic"] == topic {
+                        let wish = serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": channel["id"] }] });
+                        socket.send(Message::text(wish.to_string())).unwrap();
+                    }
+                }
+            }
+            // After the kind of message, its subscription and its time.
+            Message::Binary(bytes) if bytes[0] == 1 => return (topics, bytes[13..].to_vec()),
+            _ => {}
+        }
+    }
+}
+
 /// Playback in a status.
 fn playback(status: &Value) -> &Value {
     status["processes"].as_array().and_then(|all| all.iter().find(|process| process["name"] == "playback")).unwrap_or(&Value::Null)
@@ -64,6 +96,10 @@ fn a_replay_stands_still_and_goes_on_as_it_is_asked() {
     let out = bench.path("out");
     let demo = Run::start(bench.stillmap(["demo", "--speed", "30", "--world", CORRIDOR, "--out", out.to_str().unwrap()]));
     let mut watcher = Watcher::join(&bench);
+    let (topics, message) = foxglove(&mut watcher, "robot/scan");
+    assert!(["map/picture", "camera/frame", "health/log"].iter().all(|topic| topics.iter().any(|it| it == topic)), "{topics:?}");
+    let (seq, scan) = SonarScan::decode(&message).unwrap();
+    assert!(seq > 0 && scan.count > 0, "{scan:?}");
     let scene = watcher.wait("scene", |scene| scene["scans"].as_u64() > Some(100));
     assert!(scene["replay"].is_null(), "a drive obeys nobody");
     assert!(scene["beams"].as_array().is_some_and(|beams| beams.len() > 3), "{scene}");

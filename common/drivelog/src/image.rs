@@ -6,7 +6,7 @@ use prost::Message;
 
 use messages::{FrameLayout, PixelFormat};
 
-use crate::logged::DecodeError;
+use crate::logged::{DecodeError, Format, protobuf_format};
 use crate::tile::timestamp;
 
 /// A picture of a log.
@@ -28,21 +28,30 @@ struct Rest {
 /// Foxglove's words for the formats.
 const ENCODINGS: [(PixelFormat, &str); 3] = [(PixelFormat::Grey, "mono8"), (PixelFormat::Yuyv, "yuyv"), (PixelFormat::Rgb, "rgb8")];
 
-/// The picture; its frame of reference is the camera.
-pub(crate) fn encode(layout: &FrameLayout, bytes: &[u8], seq: u64, stamp_ns: u64) -> Vec<u8> {
-    let encoding = ENCODINGS.iter().find(|(format, _)| *format as u32 == layout.format).map_or("", |(_, word)| word);
-    let image = RawImage {
-        timestamp: Some(timestamp(stamp_ns)),
-        frame_id: "camera".to_owned(),
-        width: layout.width,
-        height: layout.height,
-        encoding: encoding.to_owned(),
-        step: layout.stride,
-        data: bytes.to_vec().into(),
-    };
-    let mut out = Message::encode_to_vec(&image);
-    out.extend(Message::encode_to_vec(&Rest { seq }));
-    out
+impl Image {
+    /// What a channel of pictures says: they are `foxglove.RawImage`s.
+    #[must_use]
+    pub fn format() -> Format {
+        protobuf_format::<RawImage>()
+    }
+
+    /// The bytes of a message with a picture; its frame of reference is the camera.
+    #[must_use]
+    pub fn encode(layout: &FrameLayout, bytes: &[u8], seq: u64, stamp_ns: u64) -> Vec<u8> {
+        let encoding = ENCODINGS.iter().find(|(format, _)| *format as u32 == layout.format).map_or("", |(_, word)| word);
+        let image = RawImage {
+            timestamp: Some(timestamp(stamp_ns)),
+            frame_id: "camera".to_owned(),
+            width: layout.width,
+            height: layout.height,
+            encoding: encoding.to_owned(),
+            step: layout.stride,
+            data: bytes.to_vec().into(),
+        };
+        let mut out = Message::encode_to_vec(&image);
+        out.extend(Message::encode_to_vec(&Rest { seq }));
+        out
+    }
 }
 
 /// The sequence number and the picture, whose bytes fit its shape.

@@ -36,3 +36,4 @@ pub use preamble::Preamble;
 pub use recording::Recording;
 pub use recover::{Recovered, recover};
 pub use robond::{Imported, import_robond};
+pub use views::{MapView, PoseView};

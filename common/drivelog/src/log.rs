@@ -14,7 +14,7 @@ use crate::logged::{DecodeError, Logged};
 use crate::part::{Ending, PartReader, RawMessage};
 use crate::parts::following_parts;
 use crate::preamble::Preamble;
-use crate::views::POSE_TOPIC;
+use crate::views::PoseView;
 use crate::writer::{END_TOPIC, End};
 
 /// What a log holds of one stream.
@@ -252,7 +252,7 @@ fn is_sequenced(topic: &str) -> bool {
         CameraFrame::SERVICE,
         TruthMask::SERVICE,
     ];
-    topic == POSE_TOPIC || SERVICES.iter().any(|service| service.sequenced && service.name == topic)
+    topic == PoseView::TOPIC || SERVICES.iter().any(|service| service.sequenced && service.name == topic)
 }
 
 fn decode<T: Logged>(data: &[u8]) -> Result<(u64, T), DecodeError> {

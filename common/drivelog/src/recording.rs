@@ -2,15 +2,13 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use foxglove::Encode;
-use foxglove::messages::RawImage;
 use messages::{FrameLayout, MapTile, Payload, Pictures, SonarScan};
 
 use crate::damage::WriteError;
-use crate::image;
-use crate::logged::{Logged, protobuf_format};
+use crate::image::Image;
+use crate::logged::Logged;
 use crate::preamble::Preamble;
-use crate::views::{POSE_TOPIC, Picture, pose_of};
+use crate::views::{MapView, PoseView};
 use crate::writer::{LogWriter, Times};
 
 /// Writes the log of a drive into memory; whoever holds it brings the bytes to where they belong.
@@ -20,7 +18,7 @@ use crate::writer::{LogWriter, Times};
 pub struct Recording {
     log: LogWriter,
     /// The map by layer.
-    pictures: BTreeMap<u32, Picture>,
+    pictures: BTreeMap<u32, MapView>,
     /// Number and stamp of the last tile.
     last_tile: (u64, u64),
     /// The latest sensor stamp.
@@ -82,7 +80,7 @@ impl Recording {
     /// As [`message`](Self::message).
     pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), WriteError> {
         self.message(seq, stamp_ns, scan)?;
-        self.show(POSE_TOPIC, seq, stamp_ns, &pose_of(scan, stamp_ns))
+        self.log.raw(PoseView::TOPIC, PoseView::format, Times::of(stamp_ns), seq as u32, &PoseView::encode(scan, stamp_ns))
     }
 
     /// Adds a tile, and from time to time the whole map as Foxglove shows it.
@@ -110,8 +108,8 @@ impl Recording {
     /// # Errors
     /// As [`message`](Self::message).
     pub fn picture<P: Pictures>(&mut self, seq: u64, stamp_ns: u64, layout: &FrameLayout, bytes: &[u8]) -> Result<(), WriteError> {
-        let data = image::encode(layout, bytes, seq, stamp_ns);
-        self.log.raw(P::SERVICE.name, protobuf_format::<RawImage>, Times::of(stamp_ns), seq as u32, &data)?;
+        let data = Image::encode(layout, bytes, seq, stamp_ns);
+        self.log.raw(P::SERVICE.name, Image::format, Times::of(stamp_ns), seq as u32, &data)?;
         self.come_to(stamp_ns)
     }
 
@@ -153,17 +151,8 @@ impl Recording {
     fn show_picture(&mut self, layer: u32) -> Result<(), WriteError> {
         let (seq, stamp_ns) = self.last_tile;
         match self.pictures.get_mut(&layer).and_then(|picture| picture.draw(stamp_ns)) {
-            Some(grid) => self.show(Picture::topic(layer), seq, stamp_ns, &grid),
+            Some(data) => self.log.raw(MapView::topic(layer), MapView::format, Times::of(stamp_ns), seq as u32, &data),
             None => Ok(()),
         }
-    }
-
-    fn show<M: Encode>(&mut self, topic: &str, seq: u64, stamp_ns: u64, message: &M) -> Result<(), WriteError> {
-        let mut data = Vec::new();
-        // Fails when the buffer is too small; this one grows.
-        if message.encode(&mut data).is_ok() {
-            self.log.raw(topic, protobuf_format::<M>, Times::of(stamp_ns), seq as u32, &data)?;
-        }
-        Ok(())
     }
 }

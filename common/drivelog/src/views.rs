@@ -1,16 +1,16 @@
-//! What is derived for people who open a log in Foxglove: the robot's pose, and the map in one picture.
+//! What is derived for people who look through Foxglove, at a log or live: the robot's pose, and the map in one picture.
 
 use std::collections::BTreeMap;
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Grid, PackedElementField, PoseInFrame, Vector2};
+use prost::Message;
 
 use messages::{Layer, MapTile, SonarScan, TILE_CELLS, TILE_EDGE};
 
+use crate::logged::{Format, protobuf_format};
 use crate::tile::{pose, timestamp};
 
-/// The topic of the robot's pose.
-pub(crate) const POSE_TOPIC: &str = "robot/pose";
 /// Bytes of a cell of the picture: red, green, blue, alpha.
 const PIXEL: usize = 4;
 /// The largest map that is drawn whole, cells: 100 m × 100 m in cells of 5 cm. Of a larger one the log holds the tiles.
@@ -18,18 +18,35 @@ const MAX_CELLS: usize = 4 << 20;
 /// Shade of a cell of which nothing is known; known ones are at most 254.
 const UNKNOWN: u8 = u8::MAX;
 
-/// The pose of a scan.
-pub(crate) fn pose_of(scan: &SonarScan, stamp_ns: u64) -> PoseInFrame {
-    let at = &scan.pose;
-    PoseInFrame { timestamp: Some(timestamp(stamp_ns)), frame_id: "map".to_owned(), pose: Some(pose(at.x_m, at.y_m, at.yaw_rad)) }
+/// The robot's pose in the map frame, by itself.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseView;
+
+impl PoseView {
+    /// Its topic.
+    pub const TOPIC: &str = "robot/pose";
+
+    /// What its channel says: it is a `foxglove.PoseInFrame`.
+    #[must_use]
+    pub fn format() -> Format {
+        protobuf_format::<PoseInFrame>()
+    }
+
+    /// The pose of a scan.
+    #[must_use]
+    pub fn encode(scan: &SonarScan, stamp_ns: u64) -> Vec<u8> {
+        let at = pose(scan.pose.x_m, scan.pose.y_m, scan.pose.yaw_rad);
+        let view = PoseInFrame { timestamp: Some(timestamp(stamp_ns)), frame_id: "map".to_owned(), pose: Some(at) };
+        Message::encode_to_vec(&view)
+    }
 }
 
 /// A layer of the map, put together from its tiles.
 ///
 /// A picture is due when as many bytes of tiles have come as it takes: the pictures of a log are never more than its tiles,
 /// however large the map grows.
-#[derive(Default)]
-pub(crate) struct Picture {
+#[derive(Debug, Default)]
+pub struct MapView {
     /// Shades by row and column of the tile, from 0 (occupied) to 254 (free).
     tiles: BTreeMap<(i32, i32), Box<[u8; TILE_CELLS]>>,
     cell_m: f64,
@@ -43,14 +60,21 @@ struct Extent {
     columns: (i32, i32),
 }
 
-impl Picture {
+impl MapView {
+    /// What its channel says: it is a `foxglove.Grid`, red, green, blue and alpha of each cell.
+    #[must_use]
+    pub fn format() -> Format {
+        protobuf_format::<Grid>()
+    }
+
     /// The topic of a layer's picture.
-    pub(crate) fn topic(layer: u32) -> &'static str {
+    #[must_use]
+    pub fn topic(layer: u32) -> &'static str {
         if layer == Layer::Unfiltered as u32 { "map/picture/unfiltered" } else { "map/picture" }
     }
 
     /// Takes a tile in.
-    pub(crate) fn take(&mut self, tile: &MapTile) {
+    pub fn take(&mut self, tile: &MapTile) {
         if self.too_large {
             return;
         }
@@ -66,17 +90,19 @@ impl Picture {
     }
 
     /// Whether as many bytes of tiles have come as the picture takes.
-    pub(crate) fn is_due(&self) -> bool {
+    #[must_use]
+    pub fn is_due(&self) -> bool {
         self.extent().is_some_and(|extent| self.fresh >= extent.cells() * PIXEL)
     }
 
     /// Whether a tile has come since the last picture.
-    pub(crate) fn is_stale(&self) -> bool {
+    #[must_use]
+    pub fn is_stale(&self) -> bool {
         self.fresh > 0
     }
 
     /// The picture; none of an empty map.
-    pub(crate) fn draw(&mut self, stamp_ns: u64) -> Option<Grid> {
+    pub fn draw(&mut self, stamp_ns: u64) -> Option<Vec<u8>> {
         let extent = self.extent()?;
         self.fresh = 0;
         let (width, height) = (extent.width(), extent.height());
@@ -94,7 +120,7 @@ impl Picture {
         }
         let edge_m = TILE_EDGE as f64 * self.cell_m;
         let field = |name: &str, offset| PackedElementField { name: name.to_owned(), offset, r#type: NumericType::Uint8 as i32 };
-        Some(Grid {
+        let grid = Grid {
             timestamp: Some(timestamp(stamp_ns)),
             frame_id: "map".to_owned(),
             pose: Some(pose(f64::from(extent.columns.0) * edge_m, f64::from(extent.rows.0) * edge_m, 0.0)),
@@ -104,7 +130,8 @@ impl Picture {
             cell_stride: PIXEL as u32,
             fields: vec![field("red", 0), field("green", 1), field("blue", 2), field("alpha", 3)],
             data: data.into(),
-        })
+        };
+        Some(Message::encode_to_vec(&grid))
     }
 
     fn extent(&self) -> Option<Extent> {

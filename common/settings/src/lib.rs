@@ -84,4 +84,4 @@ pub use supervisor::{
 };
 pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
 pub use text::{BadText, FileName, Name, Port};
-pub use viewer::{Address, PagePort, Token, Viewer};
+pub use viewer::{Address, FoxglovePort, PagePort, Token, Viewer};

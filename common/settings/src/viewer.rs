@@ -1,4 +1,4 @@
-//! `[viewer]`: the page that a browser shows.
+//! `[viewer]`: the page that a browser shows, and the port that Foxglove connects to.
 
 use std::borrow::Cow;
 use std::net::{IpAddr, Ipv4Addr};
@@ -12,6 +12,9 @@ use crate::text::BadText;
 bounded! {
     /// The port of the page. When it is taken, the next nine are tried.
     PagePort: u32 in 1024..=65526, "", default 8088;
+
+    /// The port that Foxglove connects to; its default is Foxglove's. When it is taken, the next nine are tried.
+    FoxglovePort: u32 in 1024..=65526, "", default 8765;
 }
 
 /// Where the page is served.
@@ -24,22 +27,29 @@ pub struct Address(IpAddr);
 #[serde(try_from = "String", into = "String")]
 pub struct Token(String);
 
-/// `[viewer]`: the page that a browser shows.
+/// `[viewer]`: the page that a browser shows, and the port that Foxglove and Lichtblick connect to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Viewer {
-    /// Address that the page is served at; another than this computer's own needs a token.
+    /// Address that both are served at; another than this computer's own needs a token.
     pub address: Address,
     /// Port of the page; when it is taken, the next nine are tried.
     pub port: PagePort,
-    /// What a browser has to know: `http://ADDRESS:PORT/?token=TOKEN`. It goes over the network as it is written here.
+    /// Port for Foxglove and Lichtblick, `ws://ADDRESS:PORT`; when it is taken, the next nine are tried.
+    pub foxglove_port: FoxglovePort,
+    /// What a browser or Foxglove has to know: `http://ADDRESS:PORT/?token=TOKEN`, `ws://ADDRESS:PORT/?token=TOKEN`. It goes over the network as it is written here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
 }
 
 impl Default for Viewer {
     fn default() -> Self {
-        Self { address: Address(IpAddr::V4(Ipv4Addr::LOCALHOST)), port: PagePort::default(), token: None }
+        Self {
+            address: Address(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+            port: PagePort::default(),
+            foxglove_port: FoxglovePort::default(),
+            token: None,
+        }
     }
 }
 

@@ -70,6 +70,8 @@ function showDeployment(deployment) {
   document.title = `${deployment.name} – stillmap`;
   document.body.classList.toggle("simulated", deployment.is_simulated);
   by("layers").hidden = !deployment.has_unfiltered;
+  by("foxglove").hidden = deployment.foxglove_port === null;
+  by("foxglove").querySelector("code").textContent = `ws://${location.hostname}:${deployment.foxglove_port}`;
 }
 
 function showStatus(status) {

@@ -4,6 +4,9 @@ use std::net::IpAddr;
 
 use crate::http::Request;
 
+/// The app that Foxglove serves from its own site: who opens a robot there wants its page to read this.
+const FOXGLOVE_APP: &str = "https://app.foxglove.dev";
+
 /// Who may look at a page.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Access {
@@ -23,6 +26,9 @@ pub enum Refusal {
     /// It believes to talk to another host: a name that was made to lead here.
     #[error("the host asked for is not this computer")]
     ForeignHost,
+    /// It is sent by a page that is not known as a tool's.
+    #[error("another site's page asks for this: set a token in [viewer], and open ws://ADDRESS:PORT/?token=TOKEN in it")]
+    ForeignTool,
 }
 
 impl Access {
@@ -38,6 +44,26 @@ impl Access {
     /// Why not.
     pub fn admit(&self, request: &Request) -> Result<(), Refusal> {
         self.admit_host(request)?;
+        self.admit_token(request)
+    }
+
+    /// Whether data is sent to a tool, which is a program, a page of this computer or Foxglove's: a site that somebody merely
+    /// visits is none. Where there is a token, whoever knows it is a tool.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn admit_tool(&self, request: &Request) -> Result<(), Refusal> {
+        self.admit_known_host(request)?;
+        if self.token.is_some() {
+            return self.admit_token(request);
+        }
+        match request.origin.as_deref() {
+            Some(origin) if !is_tool(origin) => Err(Refusal::ForeignTool),
+            _ => Ok(()),
+        }
+    }
+
+    fn admit_token(&self, request: &Request) -> Result<(), Refusal> {
         let token = request.token.as_deref().unwrap_or_default();
         if self.token.as_deref().is_some_and(|expected| !equal(expected.as_bytes(), token.as_bytes())) {
             return Err(Refusal::Token);
@@ -50,16 +76,29 @@ impl Access {
     /// # Errors
     /// Why not.
     pub fn admit_host(&self, request: &Request) -> Result<(), Refusal> {
+        self.admit_known_host(request)?;
         let host = request.host.as_deref().unwrap_or_default();
-        // A site can have its name lead to 127.0.0.1 and then be "the same origin": here only this computer's own names hold.
-        if self.address.is_loopback() && !is_this_computer(host) {
-            return Err(Refusal::ForeignHost);
-        }
         let origin = request.origin.as_deref().map(|origin| origin.split_once("://").map_or(origin, |(_, host)| host));
         match origin {
             Some(origin) if !origin.eq_ignore_ascii_case(host) => Err(Refusal::ForeignOrigin),
             _ => Ok(()),
         }
+    }
+
+    /// A site can have its name lead to 127.0.0.1 and then be "the same origin": there only this computer's own names hold.
+    fn admit_known_host(&self, request: &Request) -> Result<(), Refusal> {
+        let host = request.host.as_deref().unwrap_or_default();
+        if self.address.is_loopback() && !is_this_computer(host) { Err(Refusal::ForeignHost) } else { Ok(()) }
+    }
+}
+
+/// Whether it is a program's origin (`file:` or a scheme of its own), a page of this computer, or Foxglove's app; a page that
+/// hides where it comes from says `null`.
+fn is_tool(origin: &str) -> bool {
+    match origin.split_once("://") {
+        Some(("http" | "https", host)) => is_this_computer(host) || origin == FOXGLOVE_APP,
+        Some(_) => true,
+        None => false,
     }
 }
 
@@ -83,7 +122,14 @@ mod tests {
 
     fn request(host: &str, origin: Option<&str>, token: Option<&str>) -> Request {
         let owned = |text: Option<&str>| text.map(str::to_owned);
-        Request { path: "/live".to_owned(), token: owned(token), host: Some(host.to_owned()), origin: owned(origin), websocket_key: None }
+        Request {
+            path: "/live".to_owned(),
+            token: owned(token),
+            host: Some(host.to_owned()),
+            origin: owned(origin),
+            websocket_key: None,
+            protocols: Vec::new(),
+        }
     }
 
     #[test]
@@ -122,5 +168,27 @@ mod tests {
         }
         assert_eq!(access.admit(&request(robot, Some("http://elsewhere"), Some("0123456789abcdef"))), Err(Refusal::ForeignOrigin));
         assert_eq!(access.admit_host(&request(robot, None, None)), Ok(()), "scripts and styles are public");
+    }
+
+    #[test]
+    fn tools_are_programs_pages_of_this_computer_and_who_knows_the_token() {
+        let open = Access::new("127.0.0.1".parse().unwrap(), None);
+        for (origin, expected) in [
+            (None, Ok(())),
+            (Some("file://"), Ok(())),
+            (Some("lichtblick://app"), Ok(())),
+            (Some("http://localhost:8080"), Ok(())),
+            (Some("https://app.foxglove.dev"), Ok(())),
+            (Some("https://app.foxglove.dev.example.org"), Err(Refusal::ForeignTool)),
+            (Some("http://localhost.example.org"), Err(Refusal::ForeignTool)),
+            (Some("https://example.org"), Err(Refusal::ForeignTool)),
+            (Some("null"), Err(Refusal::ForeignTool)),
+        ] {
+            assert_eq!(open.admit_tool(&request("localhost:8765", origin, None)), expected, "{origin:?}");
+        }
+        assert_eq!(open.admit_tool(&request("example.org:8765", None, None)), Err(Refusal::ForeignHost));
+        let guarded = Access::new("0.0.0.0".parse().unwrap(), Some("0123456789abcdef"));
+        let ask = |token| guarded.admit_tool(&request("robot:8765", Some("https://tools.example.org"), token));
+        assert_eq!((ask(None), ask(Some("0123456789abcdef"))), (Err(Refusal::Token), Ok(())));
     }
 }

@@ -18,6 +18,8 @@ pub struct Request {
     pub origin: Option<String>,
     /// The key of a WebSocket handshake, when it is one.
     pub websocket_key: Option<String>,
+    /// The protocols that the handshake offers to speak over it.
+    pub protocols: Vec<String>,
 }
 
 /// What the bytes so far are.
@@ -62,6 +64,7 @@ fn read(request: &httparse::Request<'_, '_>) -> Request {
         host: header("host"),
         origin: header("origin"),
         websocket_key: handshake.then(|| header("sec-websocket-key")).flatten(),
+        protocols: header("sec-websocket-protocol").iter().flat_map(|list| list.split(',')).map(|name| name.trim().to_owned()).collect(),
     }
 }
 
@@ -78,12 +81,21 @@ pub fn response(status: &str, content_type: &str, body: &str) -> Vec<u8> {
     [head.as_bytes(), body.as_bytes()].concat()
 }
 
-/// The answer that turns a connection into a WebSocket.
+/// An answer that says why there is none.
 #[must_use]
-pub fn switch(key: &str) -> Vec<u8> {
+pub fn refusal(status: &str, why: &str) -> Vec<u8> {
+    response(status, "text/plain", &format!("{why}\n"))
+}
+
+/// The answer that turns a connection into a WebSocket, over which this protocol is spoken if it has a name.
+#[must_use]
+pub fn switch(key: &str, protocol: Option<&str>) -> Vec<u8> {
     let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
-    format!("HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n")
-        .into_bytes()
+    let protocol = protocol.map(|name| format!("Sec-WebSocket-Protocol: {name}\r\n")).unwrap_or_default();
+    format!(
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n{protocol}\r\n"
+    )
+    .into_bytes()
 }
 
 #[cfg(test)]
@@ -105,7 +117,17 @@ mod tests {
         assert_eq!(request.host.as_deref(), Some("localhost:8088"));
         let key = request.websocket_key.unwrap();
         // The example of RFC 6455, section 1.3.
-        assert!(String::from_utf8(switch(&key)).unwrap().contains("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n"));
+        let plain = String::from_utf8(switch(&key, None)).unwrap();
+        assert!(plain.ends_with("Sec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n\r\n"), "{plain}");
+        let named = String::from_utf8(switch(&key, Some("a.v1"))).unwrap();
+        assert!(named.ends_with("\r\nSec-WebSocket-Protocol: a.v1\r\n\r\n"), "{named}");
+    }
+
+    #[test]
+    fn the_protocols_that_are_offered_are_read() {
+        let offer = HANDSHAKE.replace("Upgrade: websocket", "Upgrade: websocket\r\nSec-WebSocket-Protocol: b.v1, a.v1");
+        let Head::Complete(request, _) = parse(offer.as_bytes()) else { panic!("complete") };
+        assert_eq!(request.protocols, ["b.v1", "a.v1"]);
     }
 
     #[test]

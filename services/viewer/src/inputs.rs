@@ -1,13 +1,16 @@
-//! What the viewer reads, brought onto the board.
+//! What the viewer reads, brought onto the board and to whoever has subscribed.
+
+use std::net::TcpStream;
 
 use bus::{BusError, Frame, FrameReader, Reader, Received, Shell};
 use messages::{
-    CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, MapTile, Payload, Pictures, SonarMotion, SonarScan,
-    TruthScan, TruthSurfaces, Walkers, WayChunk,
+    CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapTile, Payload, Pictures, SonarMotion,
+    SonarScan, TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
 
 use crate::board::{Board, Topic};
 use crate::camera;
+use crate::foxglove::Feed;
 use crate::scene::Scene;
 
 /// Most messages taken from one input in one round: the heartbeat must not wait for a flood to end.
@@ -26,6 +29,7 @@ pub(crate) struct Inputs {
     way: Reader<WayChunk>,
     truth: Reader<TruthScan>,
     surfaces: Reader<TruthSurfaces>,
+    lines: Reader<LogLine>,
     frames: FrameReader<CameraFrame>,
     masks: FrameReader<CameraMask>,
 }
@@ -55,61 +59,84 @@ impl Inputs {
             way: shell.reader()?,
             truth: shell.reader()?,
             surfaces: shell.reader()?,
+            lines: shell.reader()?,
             frames: shell.frame_reader()?,
             masks: shell.frame_reader()?,
         })
     }
 
     /// Takes what waits, up to a share of each input.
-    pub(crate) fn take(&mut self, board: &mut Board, scene: &mut Scene) -> Result<Taken, BusError> {
+    pub(crate) fn take(&mut self, board: &mut Board, scene: &mut Scene, feed: &mut Feed<TcpStream>) -> Result<Taken, BusError> {
         let mut taken = Taken::default();
         let Taken { more, scene: seen, status } = &mut taken;
-        *more |= drain(&mut self.statuses, |_, _, newest| *status = Some(*newest))?;
-        drain(&mut self.heartbeats, |_, _, heartbeat| *seen |= scene.heartbeat(heartbeat))?;
+        *more |= drain(&mut self.statuses, |seq, stamp_ns, newest| {
+            *status = Some(*newest);
+            feed.report(seq, stamp_ns, newest);
+        })?;
+        drain(&mut self.heartbeats, |seq, stamp_ns, heartbeat| {
+            *seen |= scene.heartbeat(heartbeat);
+            feed.report(seq, stamp_ns, heartbeat);
+        })?;
+        *more |= drain(&mut self.lines, |seq, stamp_ns, line| feed.report(seq, stamp_ns, line))?;
         *more |= drain(&mut self.surfaces, |_, _, surfaces| scene.surfaces(surfaces))?;
         *more |= drain(&mut self.scans, |seq, stamp_ns, scan| {
             scene.scan(seq, stamp_ns, scan);
+            feed.scan(seq, stamp_ns, scan);
             *seen = true;
         })?;
-        *more |= drain(&mut self.motions, |_, stamp_ns, motion| {
+        *more |= drain(&mut self.motions, |seq, stamp_ns, motion| {
             scene.motion(stamp_ns, motion);
+            feed.message(seq, stamp_ns, motion);
             *seen = true;
         })?;
-        *more |= drain(&mut self.walkers, |_, stamp_ns, walkers| {
+        *more |= drain(&mut self.walkers, |seq, stamp_ns, walkers| {
             scene.walkers(stamp_ns, walkers);
+            feed.message(seq, stamp_ns, walkers);
             *seen = true;
         })?;
-        *more |= drain(&mut self.camera_motions, |_, _, motion| {
+        *more |= drain(&mut self.camera_motions, |seq, stamp_ns, motion| {
             scene.camera(motion);
+            feed.message(seq, stamp_ns, motion);
             *seen = true;
         })?;
-        *more |= drain(&mut self.verdicts, |seq, _, verdict| {
+        *more |= drain(&mut self.verdicts, |seq, stamp_ns, verdict| {
             scene.verdict(seq, verdict);
+            feed.message(seq, stamp_ns, verdict);
             *seen = true;
         })?;
-        *more |= drain(&mut self.truth, |_, _, truth| {
+        *more |= drain(&mut self.truth, |seq, stamp_ns, truth| {
             scene.truth(truth);
+            feed.message(seq, stamp_ns, truth);
             *seen = true;
         })?;
-        *more |= drain(&mut self.tiles, |_, _, tile| board.tile(tile))?;
+        *more |= drain(&mut self.tiles, |seq, stamp_ns, tile| {
+            board.tile(tile);
+            feed.tile(seq, stamp_ns, tile);
+        })?;
         *more |= drain(&mut self.way, |_, _, chunk| board.way(chunk))?;
         Ok(taken)
     }
 
-    /// Takes the pictures that wait and puts the newest on the board; when nobody looks, or it is too early for another, they
-    /// are let go. True when there is a new one.
-    pub(crate) fn take_pictures(&mut self, board: &mut Board, are_wanted: bool) -> Result<bool, BusError> {
-        let frame = newest(&mut self.frames)?;
-        let mask = newest(&mut self.masks)?;
-        let is_new = are_wanted && frame.is_some();
-        if let Some(frame) = frame.filter(|_| are_wanted) {
-            board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
-        }
-        if let Some(mask) = mask.filter(|_| are_wanted) {
-            board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
-        }
-        Ok(is_new)
+    /// Takes the camera's pictures that wait and puts the newest on the board; unless one is wanted, they are let go. True when
+    /// there is a new one.
+    pub(crate) fn take_picture(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
+        let Some(frame) = newest(&mut self.frames)?.filter(|_| is_wanted) else { return Ok(false) };
+        board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
+        show(feed, &frame);
+        Ok(true)
     }
+
+    /// Takes the masks that wait, likewise: they come later than their pictures.
+    pub(crate) fn take_mask(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
+        let Some(mask) = newest(&mut self.masks)?.filter(|_| is_wanted) else { return Ok(false) };
+        board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
+        show(feed, &mask);
+        Ok(true)
+    }
+}
+
+fn show<P: Pictures>(feed: &mut Feed<TcpStream>, frame: &Frame<P>) {
+    feed.picture::<P>(frame.seq(), frame.stamp_ns(), &frame.layout(), frame.bytes());
 }
 
 fn newest<P: Pictures>(reader: &mut FrameReader<P>) -> Result<Option<Frame<P>>, BusError> {

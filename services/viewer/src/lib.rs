@@ -5,7 +5,10 @@
 //! over one WebSocket; what he is too slow for is superseded on the board and never queued, so that a browser that hangs costs
 //! a few bytes of bookkeeping. The page itself is part of the command: no build step, nothing from other servers.
 //!
-//! - Core: [`Board`], [`Scene`], [`Status`], the [`http`] heads and who may look ([`access`]), one [`Connection`] over any stream.
+//! Beside the page is a port for Foxglove and Lichtblick, which subscribe to what a log of the drive holds, as it happens.
+//!
+//! - Core: [`Board`], [`Scene`], [`Status`], the [`http`] heads and who may look ([`access`]), one [`Connection`] over any stream,
+//!   and the [`Feed`](foxglove::Feed) of those who subscribe.
 //! - Shell: [`run`] joins it to the bus and to sockets. Everything happens in the one loop of the process.
 //!
 //! A page at an address of this computer is served to this computer's own pages only (`Host` and `Origin` are checked, so that
@@ -16,8 +19,11 @@ pub mod access;
 mod board;
 pub mod camera;
 mod connection;
+pub mod foxglove;
 pub mod http;
 mod inputs;
+mod link;
+mod listener;
 mod page;
 mod process;
 mod scene;

@@ -4,14 +4,16 @@ use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
-use messages::{DeploymentStatus, PlaybackControl, ProcessState};
+use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessState};
 use serde::Serialize;
 use settings::{BuiltIn, Settings};
 use tungstenite::Message;
 
 use crate::access::Access;
 use crate::board::{Board, Topic};
+use crate::foxglove::{Feed, Port};
 use crate::inputs::{Inputs, Taken};
+use crate::listener::RETRY;
 use crate::scene::Scene;
 use crate::server::Server;
 use crate::status::Status;
@@ -20,8 +22,6 @@ use crate::status::Status;
 const FRAME: Duration = Duration::from_millis(50);
 /// Time between two pictures of the camera: 12 a second.
 const PICTURE: Duration = Duration::from_millis(80);
-/// Time until a port that was taken is tried again.
-const RETRY: Duration = Duration::from_secs(2);
 /// How long browsers may take for the last frame.
 const FAREWELL: Duration = Duration::from_secs(1);
 
@@ -41,21 +41,26 @@ pub enum ViewerError {
 /// # Errors
 /// When the bus fails. A port that cannot be had is no failure: the run goes on without the page, and the status says so.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), ViewerError> {
+    let now = Instant::now();
+    let of = &settings.viewer;
+    let access = Access::new(of.address.get(), of.token.as_ref().map(settings::Token::as_str));
+    let feed = Feed::new(settings.name.as_str(), shell.membership().run(), access.clone(), now);
+    let obeys = settings.runs(BuiltIn::Playback);
     let mut board = Board::default();
-    board.put(Topic::Deployment, as_text(&Deployment::of(settings)));
+    board.put(Topic::Deployment, as_text(&Deployment::of(settings, None)));
     let others = settings.process.iter().filter(|process| !process.runs(BuiltIn::Viewer) && !process.runs(BuiltIn::Recorder));
     let mut viewer = Viewer {
         inputs: Inputs::open(&mut shell)?,
-        control: if settings.runs(BuiltIn::Playback) { Some(shell.writer()?) } else { None },
+        control: if obeys { Some(shell.writer()?) } else { None },
         commands: 0,
         scene: Scene::new(settings.mapping.cell_m.get(), playback(settings)),
         board,
         settings: settings.clone(),
-        server: None,
-        trouble: String::new(),
-        tried: None,
-        framed: Instant::now(),
-        pictured: Instant::now(),
+        server: Server::new(of.address.get(), of.port.get() as u16, access, obeys),
+        foxglove: Port::new(of.address.get(), of.foxglove_port.get() as u16, feed),
+        framed: now,
+        pictured: now,
+        masked: now,
         scene_is_news: false,
         others: others.map(|process| process.name.as_str().to_owned()).collect(),
         over_since: None,
@@ -81,10 +86,12 @@ struct Deployment<'a> {
     playback: bool,
     /// Whether playback keeps a pace that can be set.
     has_pace: bool,
+    /// The port that Foxglove connects to, once it can.
+    foxglove_port: Option<u16>,
 }
 
 impl<'a> Deployment<'a> {
-    fn of(settings: &'a Settings) -> Self {
+    fn of(settings: &'a Settings, foxglove_port: Option<u16>) -> Self {
         Self {
             name: settings.name.as_str(),
             cell_m: settings.mapping.cell_m.get(),
@@ -93,6 +100,7 @@ impl<'a> Deployment<'a> {
             is_simulated: settings.runs(BuiltIn::Simulator),
             playback: playback(settings).is_some(),
             has_pace: settings.pace == settings::Pace::Live,
+            foxglove_port,
         }
     }
 }
@@ -104,13 +112,11 @@ struct Viewer {
     scene: Scene,
     board: Board,
     settings: Settings,
-    /// None until a port could be had.
-    server: Option<Server>,
-    /// Why there is none.
-    trouble: String,
-    tried: Option<Instant>,
+    server: Server,
+    foxglove: Port,
     framed: Instant,
     pictured: Instant,
+    masked: Instant,
     scene_is_news: bool,
     /// Whose end ends the page.
     others: Vec<String>,
@@ -121,55 +127,46 @@ impl bus::Process for Viewer {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let now = Instant::now();
         self.open(now);
-        let taken = self.inputs.take(&mut self.board, &mut self.scene)?;
+        let taken = self.inputs.take(&mut self.board, &mut self.scene, &mut self.foxglove.feed)?;
         self.note_news(&taken, now);
         self.take_pictures(now)?;
         self.obey(context, now)?;
+        self.foxglove.advance(now);
+        self.foxglove.feed.flush(now);
         let next = self.show(now);
         self.report(context);
         if context.stopping() || self.is_done(now) {
-            self.server.iter_mut().for_each(Server::bid_farewell);
+            self.server.bid_farewell();
+            self.foxglove.feed.bid_farewell(now);
             return Ok(Next::Finished);
         }
         Ok(if taken.more { Next::Again } else { next })
     }
 
     fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
-        self.server.as_ref().map(Server::descriptors).unwrap_or_default()
+        self.server.descriptors().chain(self.foxglove.descriptors()).collect()
     }
 }
 
 impl Viewer {
-    /// Opens the page, now and then, until it is open.
+    /// Opens the page and the port for Foxglove, which the page names.
     fn open(&mut self, now: Instant) {
-        if self.server.is_some() || self.tried.is_some_and(|tried| now.saturating_duration_since(tried) < RETRY) {
-            return;
-        }
-        let of = &self.settings.viewer;
-        let (address, port) = (of.address.get(), of.port.get() as u16);
-        let access = Access::new(address, of.token.as_ref().map(settings::Token::as_str));
-        match Server::bind(address, port, access, self.control.is_some()).and_then(|server| Ok((server.address()?, server))) {
-            Ok((address, server)) => {
-                tracing::debug!("the page is at http://{address}/");
-                self.trouble.clear();
-                self.server = Some(server);
-            }
-            Err(error) => {
-                let trouble = format!("no page: {address}, port {port} and the next nine: {error}");
-                if self.trouble != trouble {
-                    tracing::warn!("{trouble}");
-                    self.trouble = trouble;
-                }
-                self.tried = Some(now);
-            }
+        self.server.listener.open(now);
+        if self.foxglove.listener.open(now) {
+            let port = self.foxglove.listener.address().map(|address| address.port());
+            self.board.put(Topic::Deployment, as_text(&Deployment::of(&self.settings, port)));
         }
     }
 
     fn take_pictures(&mut self, now: Instant) -> Result<(), BusError> {
-        let is_watched = self.server.as_ref().is_some_and(|server| server.watching() > 0);
-        let are_wanted = is_watched && now.saturating_duration_since(self.pictured) >= PICTURE;
-        if self.inputs.take_pictures(&mut self.board, are_wanted)? {
+        let feed = &self.foxglove.feed;
+        let somebody_looks = self.server.watching() > 0 || feed.wants::<CameraFrame>() || feed.wants::<CameraMask>();
+        let is_wanted = |last: Instant| somebody_looks && now.saturating_duration_since(last) >= PICTURE;
+        if self.inputs.take_picture(&mut self.board, &mut self.foxglove.feed, is_wanted(self.pictured))? {
             self.pictured = now;
+        }
+        if self.inputs.take_mask(&mut self.board, &mut self.foxglove.feed, is_wanted(self.masked))? {
+            self.masked = now;
         }
         Ok(())
     }
@@ -194,7 +191,7 @@ impl Viewer {
 
     /// Hands on to playback what browsers ask for.
     fn obey(&mut self, context: &Context<'_>, now: Instant) -> Result<(), BusError> {
-        let commands = self.server.as_mut().map(|server| server.advance(now)).unwrap_or_default();
+        let commands = self.server.advance(now);
         // Of several browsers that want something, the last one has it.
         let Some((control, command)) = self.control.as_mut().zip(commands.last()) else { return Ok(()) };
         self.commands += 1;
@@ -206,11 +203,16 @@ impl Viewer {
 
     /// Sends a frame when it is time for one; when to look again.
     fn show(&mut self, now: Instant) -> Next {
-        let Some(server) = &mut self.server else { return Next::WaitAtMost(RETRY) };
-        let until_next = FRAME.saturating_sub(now.saturating_duration_since(self.framed));
-        if server.watching() == 0 {
-            return if server.is_writing() { Next::WaitAtMost(FRAME) } else { Next::Wait };
+        if self.server.watching() == 0 {
+            let is_writing = self.server.is_writing() || self.foxglove.feed.is_writing();
+            let are_open = self.server.listener.address().is_some() && self.foxglove.listener.address().is_some();
+            return match (is_writing, are_open) {
+                (true, _) => Next::WaitAtMost(FRAME),
+                (false, false) => Next::WaitAtMost(RETRY),
+                (false, true) => Next::Wait,
+            };
         }
+        let until_next = FRAME.saturating_sub(now.saturating_duration_since(self.framed));
         if !until_next.is_zero() {
             return Next::WaitAtMost(until_next);
         }
@@ -218,7 +220,7 @@ impl Viewer {
         if std::mem::take(&mut self.scene_is_news) {
             self.board.put(Topic::Scene, as_text(&self.scene.view()));
         }
-        server.offer(&self.board, now);
+        self.server.offer(&self.board, now);
         // What is left over, or comes to somebody who has just joined, is offered with the next frame.
         Next::WaitAtMost(FRAME)
     }
@@ -226,22 +228,24 @@ impl Viewer {
     /// Whether the run has ended and everybody has been sent the end of it, or had the time to take it.
     fn is_done(&self, now: Instant) -> bool {
         let Some(since) = self.over_since else { return false };
-        let elapsed = now.saturating_duration_since(since);
-        let nobody_waits = self.server.as_ref().is_none_or(|server| !server.is_behind(&self.board));
-        nobody_waits || elapsed >= FAREWELL
+        let somebody_waits = self.server.is_behind(&self.board) || self.foxglove.feed.is_writing();
+        !somebody_waits || now.saturating_duration_since(since) >= FAREWELL
     }
 
     fn report(&self, context: &mut Context<'_>) {
-        let Some(server) = &self.server else { return context.note(&self.trouble) };
-        let served = server.served;
-        context.count("browsers", server.watching() as u64);
+        let (served, sent) = (self.server.served, self.foxglove.feed.sent());
+        context.count("browsers", self.server.watching() as u64);
         context.count("tiles", self.board.tiles() as u64);
         context.count("frames sent", served.frames);
         context.count("frames dropped", served.missed);
         context.count("bytes sent", served.bytes);
-        context.count("connections refused", served.turned_away);
-        if let Ok(address) = server.address() {
-            context.note(&format!("http://{address}/"));
+        context.count("foxglove clients", self.foxglove.feed.clients() as u64);
+        context.count("foxglove messages sent", sent.messages);
+        context.count("foxglove messages dropped", sent.dropped);
+        context.count("connections refused", served.turned_away + sent.turned_away);
+        match self.server.listener.address() {
+            Some(address) => context.note(&format!("http://{address}/")),
+            None => context.note(self.server.listener.trouble()),
         }
     }
 }

@@ -1,22 +1,20 @@
 //! The sockets of the page.
 
-use std::io;
-use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::net::{IpAddr, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Instant;
 
 use crate::access::Access;
 use crate::board::Board;
 use crate::connection::{Command, Connection, Offer, Site};
+use crate::listener::Listener;
 
 /// Most connections at a time; further ones are closed at once.
 const MOST_CONNECTIONS: usize = 32;
-/// Ports tried, from the first on.
-const PORTS: u16 = 10;
 
-/// Listens at the page's address and serves whoever comes.
+/// Serves whoever comes to the page's address.
 pub(crate) struct Server {
-    listener: TcpListener,
+    pub(crate) listener: Listener,
     access: Access,
     obeys: bool,
     connections: Vec<Connection<TcpStream>>,
@@ -33,29 +31,16 @@ pub(crate) struct Served {
 }
 
 impl Server {
-    /// Listens at the first free port of ten.
-    pub(crate) fn bind(address: IpAddr, first_port: u16, access: Access, obeys: bool) -> io::Result<Self> {
-        let mut result = Err(io::ErrorKind::AddrInUse.into());
-        for port in first_port..=first_port.saturating_add(PORTS - 1) {
-            result = TcpListener::bind((address, port));
-            if !matches!(&result, Err(error) if error.kind() == io::ErrorKind::AddrInUse) {
-                break;
-            }
-        }
-        let listener = result?;
-        listener.set_nonblocking(true)?;
-        Ok(Self { listener, access, obeys, connections: Vec::new(), served: Served::default() })
-    }
-
-    /// Where it listens.
-    pub(crate) fn address(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
+    /// A page at this address, at the first free port of ten.
+    pub(crate) fn new(address: IpAddr, first_port: u16, access: Access, obeys: bool) -> Self {
+        let listener = Listener::new("page", address, first_port);
+        Self { listener, access, obeys, connections: Vec::new(), served: Served::default() }
     }
 
     /// What wakes the process.
-    pub(crate) fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
+    pub(crate) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let streams = self.connections.iter().filter_map(Connection::stream);
-        std::iter::once(self.listener.as_fd()).chain(streams.map(TcpStream::as_fd)).collect()
+        self.listener.descriptor().into_iter().chain(streams.map(TcpStream::as_fd))
     }
 
     /// Takes new connections and what the others say; the commands among it.
@@ -103,24 +88,12 @@ impl Server {
     }
 
     fn accept(&mut self, now: Instant) {
-        // No more at once than there are places: the heartbeat must not wait for a flood to end.
-        for _ in 0..MOST_CONNECTIONS {
-            let stream = match self.listener.accept() {
-                Ok((stream, _)) => stream,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
-                // One connection that could not be made, or no descriptor left: the others go on.
-                Err(error) => {
-                    tracing::debug!("a connection was not taken: {error}");
-                    return;
-                }
-            };
-            // Small messages follow each other quickly; holding them back would only show them late.
-            let ready = stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true));
-            if ready.is_err() || self.connections.len() >= MOST_CONNECTIONS {
+        for stream in self.listener.accept() {
+            if self.connections.len() < MOST_CONNECTIONS {
+                self.connections.push(Connection::new(stream, now));
+            } else {
                 self.served.turned_away += 1;
-                continue;
             }
-            self.connections.push(Connection::new(stream, now));
         }
     }
 }
