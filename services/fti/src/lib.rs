@@ -15,6 +15,7 @@
 //! The service is a fold: [`Fti::step`] takes the inputs in any order of arrival and works in the order of sensor time.
 
 mod arc;
+mod dwell;
 mod hearing;
 mod observe;
 mod parameters;

@@ -10,6 +10,8 @@ use crate::region::Region;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PendingReading {
     pub(crate) beam: Beam,
+    /// The run of its sonar that it belongs to; 0: no echo.
+    pub(crate) run: u64,
     /// Cells of its arc, row and column.
     #[serde(with = "cells")]
     pub(crate) arc: Vec<Cell>,

@@ -6,6 +6,7 @@ use grid::{Lattice, TILE_CELLS, TileKey};
 use messages::Pose;
 use serde::{Deserialize, Serialize};
 
+use crate::dwell::Runs;
 use crate::pending::PendingScan;
 use crate::still::{Evidence, Still};
 use crate::streams::Streams;
@@ -13,7 +14,7 @@ use crate::tracks::Tracks;
 use crate::{Fti, Parameters, ParametersError};
 
 /// Changes whenever the bytes mean something else.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -47,6 +48,7 @@ struct State {
     tracks: Tracks,
     /// Row, column and cells of each tile.
     still: Vec<(i32, i32, Vec<Packed>)>,
+    runs: Runs,
     pending: VecDeque<PendingScan>,
     recent: VecDeque<PendingScan>,
     /// Time, x, y and yaw.
@@ -62,6 +64,7 @@ impl Fti {
             streams: self.streams.clone(),
             tracks: self.tracks.clone(),
             still: self.still.cells().tiles().map(|(key, cells)| (key.row, key.column, cells.iter().map(pack).collect())).collect(),
+            runs: self.runs.clone(),
             pending: self.pending.clone(),
             recent: self.recent.clone(),
             last: self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad)),
@@ -91,6 +94,7 @@ impl Fti {
         fti.streams = state.streams;
         fti.tracks = state.tracks;
         fti.still = Still::new(cells);
+        fti.runs = state.runs;
         fti.pending = state.pending;
         fti.recent = state.recent;
         fti.last = state.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));

@@ -12,6 +12,7 @@ use nalgebra::{Matrix2, Vector2};
 use tracking::Motion;
 
 use crate::arc::Arc;
+use crate::dwell::Runs;
 use crate::hearing::Heard;
 use crate::pending::{PendingReading, PendingScan};
 use crate::region::update_regions;
@@ -80,6 +81,7 @@ pub struct Fti {
     pub(crate) streams: Streams,
     pub(crate) tracks: Tracks,
     pub(crate) still: Still,
+    pub(crate) runs: Runs,
     pub(crate) pending: VecDeque<PendingScan>,
     /// Those decided lately, the oldest first: what they say is still known reading by reading.
     pub(crate) recent: VecDeque<PendingScan>,
@@ -113,6 +115,7 @@ impl Fti {
             streams: Streams::default(),
             tracks: Tracks::default(),
             still: Still::new(Lattice::new(cell)),
+            runs: Runs::default(),
             pending: VecDeque::new(),
             recent: VecDeque::new(),
             last: None,
@@ -205,6 +208,7 @@ impl Fti {
         });
         self.last = Some((scan.stamp_ns, pose));
         self.decide_until(scan.stamp_ns.saturating_sub(self.horizon_ns()), verdicts);
+        self.runs.forget(scan.stamp_ns.saturating_sub(2 * self.horizon_ns()));
         self.tracks.forget(scan.stamp_ns.saturating_sub(2 * self.horizon_ns()));
     }
 
@@ -233,7 +237,7 @@ impl Fti {
     }
 
     /// The readings of a scan; none where its numbers cannot be meant.
-    fn readings(&self, scan: &SonarScan, stamp_ns: u64) -> Vec<PendingReading> {
+    fn readings(&mut self, scan: &SonarScan, stamp_ns: u64) -> Vec<PendingReading> {
         if scan.validate().is_err() {
             return Vec::new();
         }
@@ -241,7 +245,8 @@ impl Fti {
             let beam = Beam::new(&scan.pose, reading, self.parameters.half_beam_rad);
             let arc = beam.arc(self.cell, ARC_CELLS * self.cell.metres());
             let watched = self.watched(scan, &beam, stamp_ns);
-            PendingReading { past: self.past(&beam, &arc), watched, weight: 0.0, beam, arc }
+            let run = self.runs.hear(reading.sonar, stamp_ns, &beam);
+            PendingReading { past: self.past(&beam, &arc), watched, weight: 0.0, beam, run, arc }
         });
         readings.collect()
     }
@@ -309,7 +314,7 @@ impl Fti {
         let limit_m = self.parameters.range_limit_m;
         let of_scan = |scan: &PendingScan| {
             let present = presences(&walkers, scan.stamp_ns);
-            scan.readings.iter().map(|reading| walker(reading, &present, limit_m)).collect()
+            scan.readings.iter().map(|reading| walker(reading, self.runs.dwell_s(reading.run), &present, limit_m)).collect()
         };
         let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
         let of_scan =

@@ -6,10 +6,14 @@ use crate::observe::{ECHO_TO_MIDDLE_M, outside_m};
 use crate::pending::PendingReading;
 use crate::smoothed::{Presence, Smoothed};
 
-/// Somebody whom nobody saw, where the camera looks.
-const UNSEEN_WATCHED: f64 = 0.05;
-/// And where it does not.
-const UNSEEN: f64 = 0.05;
+/// Somebody whom nobody followed, at any place.
+const UNSEEN: f64 = 0.01;
+/// ln of the same for an echo that its sonar heard only once, where no camera looks: people who pass beside or behind the robot.
+const BRIEF: f64 = 1.7;
+/// And where the camera looks and shows nobody.
+const BRIEF_WATCHED: f64 = -0.5;
+/// By how much that falls with each second for which the sonar heard the same thing, 1/s.
+const BRIEF_SLOPE: f64 = 2.5;
 /// Spread of an echo's range about the front of a body, m.
 const RANGE_SD_M: f64 = 0.16;
 /// Spread of a body aside of its middle, m.
@@ -17,9 +21,11 @@ const ASIDE_SD_M: f64 = 0.2;
 /// How fast a pending reading's weight as a hit falls with the evidence for a walker.
 const WEIGHT_SLOPE: f64 = 0.7;
 
-/// ln of how much likelier a walker makes a reading than an even spread over all ranges (T).
-pub(crate) fn walker(reading: &PendingReading, walkers: &[Presence], range_limit_m: f64) -> f64 {
-    let unseen = if reading.watched { UNSEEN_WATCHED } else { UNSEEN };
+/// ln of how much likelier a walker makes a reading than an even spread over all ranges (T). `dwell_s`: for how long the sonar
+/// heard what it heard then.
+pub(crate) fn walker(reading: &PendingReading, dwell_s: f64, walkers: &[Presence], range_limit_m: f64) -> f64 {
+    let brief = if reading.watched { BRIEF_WATCHED } else { BRIEF };
+    let unseen = UNSEEN + (brief - BRIEF_SLOPE * dwell_s).exp();
     let likelihoods = walkers.iter().map(|walker| walker.trust * range_limit_m * likelihood(reading, walker));
     (unseen + likelihoods.sum::<f64>()).ln()
 }
