@@ -10,7 +10,7 @@ use std::time::Duration;
 use criterion::{Criterion, criterion_group};
 use iceoryx2::prelude::*;
 use messages::{CameraFrame, FilterVerdict, FrameLayout, PixelFormat, SonarScan};
-use stillmap_bus::{Domain, FrameReader, FrameWriter, Membership, Reader, Received, Shell, Writer};
+use stillmap_bus::{Domain, FrameReader, FrameWriter, Reader, Received, Shell, Writer};
 
 const CHILD: &str = "STILLMAP_BENCH_CHILD";
 /// As large as a scan.
@@ -112,7 +112,7 @@ fn bus_pictures(criterion: &mut Criterion) {
 
 fn echo_bus() {
     exit_with_parent();
-    let mut shell = Shell::join(Membership::from_env().unwrap()).unwrap();
+    let mut shell = Shell::from_env().unwrap();
     let mut scans: Reader<SonarScan> = shell.reader().unwrap();
     let mut frames: FrameReader<CameraFrame> = shell.frame_reader().unwrap();
     let mut verdicts: Writer<FilterVerdict> = shell.writer().unwrap();

@@ -17,7 +17,7 @@ use crate::domain::{DomainError, join_members};
 use crate::fabric::{Channel, Fabric, Opened};
 use crate::frame_reader::FrameReader;
 use crate::frame_writer::FrameWriter;
-use crate::membership::Membership;
+use crate::membership::{Membership, MembershipError};
 use crate::outlet::{Outlet, Refresh};
 use crate::paths::DomainPaths;
 use crate::raw::{Injection, Tap};
@@ -48,6 +48,13 @@ pub trait Process {
     }
 }
 
+/// A closure is a process that nothing but its inputs and due times wake.
+impl<F: FnMut(&mut Context<'_>) -> Result<Next, StepError>> Process for F {
+    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        self(context)
+    }
+}
+
 /// What a step wants next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
@@ -69,7 +76,7 @@ pub struct Context<'a> {
 }
 
 /// How a process ended that should not have.
-#[derive(Debug, thiserror::Error)]
+#[derive(thiserror::Error)]
 pub enum RunError {
     /// The bus failed.
     #[error("{0}")]
@@ -77,12 +84,22 @@ pub enum RunError {
     /// The domain failed.
     #[error("{0}")]
     Domain(#[from] DomainError),
+    /// No supervisor has started this process.
+    #[error("{0}")]
+    Membership(#[from] MembershipError),
     /// The process failed.
     #[error("{0}")]
     Step(#[source] StepError),
     /// Signals or waiting failed.
     #[error("cannot wait: {0}")]
     Wait(#[from] std::io::Error),
+}
+
+/// In words, too: it is what a `main` that returns it prints.
+impl core::fmt::Debug for RunError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        core::fmt::Display::fmt(self, f)
+    }
 }
 
 /// The place of a process on the bus.
@@ -146,6 +163,14 @@ impl Shell {
         };
         shell.beat(Phase::Starting)?;
         Ok(shell)
+    }
+
+    /// Joins the domain of the supervisor that has started this process.
+    ///
+    /// # Errors
+    /// When none has, or as [`join`](Self::join).
+    pub fn from_env() -> Result<Self, RunError> {
+        Self::join(Membership::from_env()?)
     }
 
     /// Declares an input: its messages wake the process.

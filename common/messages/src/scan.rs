@@ -46,6 +46,12 @@ plain! {
 }
 
 impl Pose {
+    /// A place (m) and direction (rad, counter-clockwise).
+    #[must_use]
+    pub const fn new(x_m: f64, y_m: f64, yaw_rad: f64) -> Self {
+        Self { x_m, y_m, yaw_rad }
+    }
+
     pub(crate) fn validate(&self) -> Result<(), Invalid> {
         within("pose.x_m", self.x_m, -1e6, 1e6, "at most 1000 km from the origin")?;
         within("pose.y_m", self.y_m, -1e6, 1e6, "at most 1000 km from the origin")?;
@@ -61,6 +67,15 @@ impl Pose {
             y_m: self.y_m + sin * next.x_m + cos * next.y_m,
             yaw_rad: self.yaw_rad + next.yaw_rad,
         }
+    }
+}
+
+impl SonarReading {
+    /// What sonar number `sonar`, which sits and looks as `mount` says in the robot frame, has measured: the distance (m) to an
+    /// echo, or the sensor's limit when there was none.
+    #[must_use]
+    pub const fn new(sonar: u32, mount: Pose, range_m: f64, echo: bool) -> Self {
+        Self { mount, range_m, sonar, echo: echo as u32 }
     }
 }
 

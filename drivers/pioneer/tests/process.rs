@@ -9,7 +9,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 
-use bus::{Domain, Membership, Reader, Received, Shell};
+use bus::{Domain, Reader, Received, Shell};
 use messages::SonarScan;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
@@ -31,7 +31,7 @@ fn driver() {
     let Some(port) = std::env::var_os(PORT) else { return };
     let mut settings = Settings::default();
     settings.pioneer.port = settings::Port::try_from(PathBuf::from(port)).unwrap();
-    let shell = Shell::join(Membership::from_env().unwrap()).unwrap();
+    let shell = Shell::from_env().unwrap();
     stillmap_pioneer::run(shell, &settings).unwrap();
 }
 
