@@ -36,7 +36,6 @@ export class Camera {
 
   draw() {
     this.section.hidden = !this.picture && !this.motion;
-    this.canvas.classList.toggle("blind", !this.picture);
     this.showsMask.parentElement.hidden = !this.mask;
     if (this.picture) this.drawPicture(this.picture);
     // Who tells only what moves is shown as an empty frame around it.

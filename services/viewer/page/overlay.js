@@ -1,6 +1,8 @@
 // What is drawn over the map: the robot and its way, sonar cones, what moves, where the filter is at work.
 
 const TRAIL_S = 20;
+/** Nobody walks farther between two scans, m: there the track was lost and found again. */
+const LEAP_M = 0.8;
 const BLUE = "#1f6feb";
 const BEAM = "#d9960a";
 const MOVER = "#c026d3";
@@ -91,7 +93,11 @@ export class Overlay {
     context.strokeStyle = "rgba(192, 38, 211, 0.55)";
     context.lineWidth = 2 * px;
     context.beginPath();
-    trail.forEach(({ x, y }) => context.lineTo(...view.toScreen(x, y)));
+    trail.forEach(({ x, y }, index) => {
+      const last = trail[index - 1];
+      const leaps = !last || Math.hypot(last.x - x, last.y - y) > LEAP_M;
+      context[leaps ? "moveTo" : "lineTo"](...view.toScreen(x, y));
+    });
     context.stroke();
   }
 

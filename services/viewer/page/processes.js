@@ -38,8 +38,10 @@ function fill(row, process) {
   text(name, process.name);
   text(pid, process.pid ? process.pid : "");
   text(note, process.note);
+  note.title = process.note;
   const restarts = process.restarts ? ` ×${process.restarts}` : "";
-  text(row.cells[1].firstChild, (WORDS[process.state] ?? process.state) + restarts);
+  const word = broken && process.state === "running" ? "restarted" : WORDS[process.state] ?? process.state;
+  text(row.cells[1].firstChild, word + restarts);
   text(row.cells[2], rate(process.received_per_s));
   text(row.cells[3], rate(process.sent_per_s));
   text(row.cells[4], `${(100 * process.cpu).toFixed(0)} %`);

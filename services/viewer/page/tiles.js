@@ -108,5 +108,6 @@ function difference(filtered, unfiltered) {
   const wall = (value) => value > 40;
   if (wall(unfiltered) && !wall(filtered)) return REMOVED;
   if (wall(filtered) && !wall(unfiltered)) return ADDED;
+  if (filtered === 0) return UNKNOWN;
   return shade(filtered).map((channel) => channel + (235 - channel) * 0.45);
 }
