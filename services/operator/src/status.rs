@@ -126,53 +126,52 @@ fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
     })
 }
 
-/// Columns as wide as their widest entry; numbers to the right.
+/// Columns of the table.
+pub(crate) const COLUMNS: usize = 14;
+/// Their names; the last has words of any length.
+pub(crate) const HEAD: [&str; COLUMNS] =
+    ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "latency", "99 %", "lost", "refused", "cpu", "memory", "note"];
+
+/// The columns of one process.
+pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
+    let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
+    [
+        it.process.to_string(),
+        word(it).to_owned(),
+        if it.pid == 0 { "-".to_owned() } else { it.pid.to_string() },
+        it.restarts.to_string(),
+        beat,
+        format!("{:.1}", it.received_per_s),
+        format!("{:.1}", it.sent_per_s),
+        latency_words(it.latency_median_us),
+        latency_words(it.latency_p99_us),
+        it.lost.to_string(),
+        it.refused.to_string(),
+        format!("{:.1} %", it.cpu * 100.0),
+        format!("{:.1} MB", it.resident_bytes as f64 / 1e6),
+        it.note.to_string(),
+    ]
+}
+
+/// Whether a column has words, which begin at its left; numbers end at its right.
+pub(crate) fn has_words(column: usize) -> bool {
+    matches!(column, 0 | 1 | 13)
+}
+
+/// How wide each column is: as its widest entry.
+pub(crate) fn widths(rows: &[[String; COLUMNS]]) -> [usize; COLUMNS] {
+    std::array::from_fn(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0).max(HEAD[column].len()))
+}
+
 fn as_table(status: &DeploymentStatus) -> String {
-    let head = [
-        "process",
-        "state",
-        "pid",
-        "restarts",
-        "heartbeat",
-        "in/s",
-        "out/s",
-        "latency",
-        "99 %",
-        "lost",
-        "refused",
-        "cpu",
-        "memory",
-        "note",
-    ];
-    let row = |it: &ProcessStatus| {
-        let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
-        [
-            it.process.to_string(),
-            word(it).to_owned(),
-            if it.pid == 0 { "-".to_owned() } else { it.pid.to_string() },
-            it.restarts.to_string(),
-            beat,
-            format!("{:.1}", it.received_per_s),
-            format!("{:.1}", it.sent_per_s),
-            latency_words(it.latency_median_us),
-            latency_words(it.latency_p99_us),
-            it.lost.to_string(),
-            it.refused.to_string(),
-            format!("{:.1} %", it.cpu * 100.0),
-            format!("{:.1} MB", it.resident_bytes as f64 / 1e6),
-            it.note.to_string(),
-        ]
-    };
-    let rows: Vec<[String; 14]> = std::iter::once(head.map(str::to_owned)).chain(processes(status).map(row)).collect();
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let rows: Vec<_> = processes(status).map(cells).collect();
+    let widths = widths(&rows);
     let ending = if status.ending == 1 { ", ending" } else { "" };
     let mut text = format!("{}, up {:.0} s{ending}\n", status.deployment, status.uptime_ms as f64 / 1e3);
-    for row in &rows {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
-            0 | 1 => format!("{cell:<width$}"),
-            13 => cell.clone(),
-            _ => format!("{cell:>width$}"),
+    for row in std::iter::once(&HEAD.map(str::to_owned)).chain(&rows) {
+        let cells = row.iter().zip(widths).enumerate().map(|(column, (cell, width))| match has_words(column) {
+            true => format!("{cell:<width$}"),
+            false => format!("{cell:>width$}"),
         });
         text.push_str(cells.collect::<Vec<_>>().join("  ").trim_end());
         text.push('\n');

@@ -1,7 +1,7 @@
 //! `stillmap top`: the processes of a running deployment, as they are from second to second.
 
 use crate::cli::Which;
-use crate::status::{choose, latency_words, processes, word};
+use crate::status::{COLUMNS, HEAD, cells, choose, has_words, processes, widths};
 use bus::{Received, Tool};
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
@@ -13,6 +13,18 @@ use ratatui::{DefaultTerminal, Frame};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
+/// Space between two columns.
+const GAP: usize = 2;
+/// The column with the process's name.
+const PROCESS: usize = 0;
+/// The column with its state.
+const STATE: usize = 1;
+/// The column with what it says of itself.
+const NOTE: usize = 13;
+/// A note that has less room says nothing.
+const NOTE_LEAST: usize = 16;
+/// What leaves a narrow terminal first: heartbeat, memory, pid, note, refused, out/s, cpu, in/s, 99 %.
+const LEAVES_FIRST: [usize; 9] = [4, 12, 2, NOTE, 10, 6, 11, 5, 8];
 /// How long keys may wait.
 const LOOK: Duration = Duration::from_millis(100);
 /// Without a status for so long, the deployment has ended or hangs.
@@ -69,34 +81,54 @@ fn draw(frame: &mut Frame<'_>, status: Option<&DeploymentStatus>) {
     let ending = if status.ending == 1 { ", ending" } else { "" };
     let title = format!("{}, up {:.0} s{ending}", status.deployment, status.uptime_ms as f64 / 1e3);
     frame.render_widget(Line::from(title).bold(), head);
-    let names = ["process", "state", "restarts", "in/s", "out/s", "latency", "99 %", "lost", "cpu", "memory", "note"];
-    let widths = [14, 10, 8, 8, 8, 9, 9, 7, 7, 9].map(Constraint::Length).into_iter().chain([Constraint::Min(10)]);
-    let table = Table::new(processes(status).map(row), widths).header(Row::new(names).style(Style::new().dim()));
-    frame.render_widget(table, body);
+    frame.render_widget(table(status, usize::from(body.width)), body);
     let words = "latency: of its busiest input, from sensor to reading, median and 99 %.  q: quit";
     frame.render_widget(Paragraph::new(words).dim(), foot);
 }
 
-fn row(it: &ProcessStatus) -> Row<'static> {
+/// The columns that fit, each as wide as its entries; the note has what is left.
+fn table(status: &DeploymentStatus, room: usize) -> Table<'static> {
+    let widths = widths(&processes(status).map(cells).collect::<Vec<_>>());
+    let shown = shown(&widths, room);
+    let header = shown.iter().map(|column| aligned(HEAD[*column].to_owned(), *column));
+    let constraints = shown.iter().map(|column| match *column {
+        NOTE => Constraint::Min(0),
+        column => Constraint::Length(widths[column] as u16),
+    });
+    let rows = processes(status).map(|it| row(it, &shown)).collect::<Vec<_>>();
+    Table::new(rows, constraints.collect::<Vec<_>>()).column_spacing(GAP as u16).header(Row::new(header).style(Style::new().dim()))
+}
+
+/// The columns that a terminal of this width has room for.
+fn shown(widths: &[usize; COLUMNS], room: usize) -> Vec<usize> {
+    let mut shown: Vec<usize> = (0..COLUMNS).collect();
+    for leaves in LEAVES_FIRST {
+        let needed: usize = shown.iter().map(|column| GAP + if *column == NOTE { NOTE_LEAST } else { widths[*column] }).sum();
+        if needed <= room + GAP {
+            break;
+        }
+        shown.retain(|column| *column != leaves);
+    }
+    shown
+}
+
+fn row(it: &ProcessStatus, shown: &[usize]) -> Row<'static> {
     let colour = match ProcessState::from_number(it.state) {
         Some(ProcessState::Running) => Color::Green,
         Some(ProcessState::Starting | ProcessState::Stopping) => Color::Yellow,
         Some(ProcessState::Backoff | ProcessState::Failed) | None => Color::Red,
         Some(ProcessState::Waiting | ProcessState::Finished) => Color::Gray,
     };
-    Row::new([
-        Cell::from(it.process.to_string()).bold(),
-        Cell::from(word(it)).style(Style::new().fg(colour)),
-        Cell::from(it.restarts.to_string()),
-        Cell::from(format!("{:.1}", it.received_per_s)),
-        Cell::from(format!("{:.1}", it.sent_per_s)),
-        Cell::from(latency_words(it.latency_median_us)),
-        Cell::from(latency_words(it.latency_p99_us)),
-        Cell::from(it.lost.to_string()),
-        Cell::from(format!("{:.1} %", it.cpu * 100.0)),
-        Cell::from(format!("{:.1} MB", it.resident_bytes as f64 / 1e6)),
-        Cell::from(it.note.to_string()),
-    ])
+    let cells = cells(it);
+    Row::new(shown.iter().map(|column| match (*column, aligned(cells[*column].clone(), *column)) {
+        (PROCESS, cell) => cell.bold(),
+        (STATE, cell) => cell.style(Style::new().fg(colour)),
+        (_, cell) => cell,
+    }))
+}
+
+fn aligned(text: String, column: usize) -> Cell<'static> {
+    Cell::from(if has_words(column) { Line::from(text) } else { Line::from(text).right_aligned() })
 }
 
 #[cfg(test)]
@@ -116,13 +148,21 @@ mod tests {
             lost: 7,
             latency_median_us: 180,
             latency_p99_us: 12_400,
+            note: Text::new("a word"),
             ..ProcessStatus::default()
         };
-        let mut terminal = Terminal::new(TestBackend::new(120, 5)).unwrap();
-        terminal.draw(|frame| draw(frame, Some(&status))).unwrap();
-        let text = terminal.backend().to_string();
-        for expected in ["demo, up 12 s", "mapping", "running", "180 µs", "12.4 ms", "q: quit"] {
-            assert!(text.contains(expected), "{expected} is missing:\n{text}");
+        let text = |width| {
+            let mut terminal = Terminal::new(TestBackend::new(width, 5)).unwrap();
+            terminal.draw(|frame| draw(frame, Some(&status))).unwrap();
+            terminal.backend().to_string()
+        };
+        for (width, also) in [(160, "a word"), (120, "refused"), (80, "q: quit")] {
+            let text = text(width);
+            for expected in ["demo, up 12 s", "mapping", "running", "restarts", "180 µs", "12.4 ms", " lost ", also] {
+                assert!(text.contains(expected), "{expected} is missing at {width}:\n{text}");
+            }
         }
+        assert!(!text(80).contains("memory"), "{}", text(80));
+        let _ = text(1);
     }
 }
