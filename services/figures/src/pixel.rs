@@ -38,11 +38,13 @@ pub(crate) fn figure() -> Result<String, Error> {
         svg.rectangle([x, y], [histogram.size[0] / 256.0, bottom - y], "#667085");
     }
 
-    let model = Chart { at: [590.0, 40.0], size: [450.0, 220.0], x: [0.0, 256.0], y: [0.0, 0.2] };
-    model.axes(&mut svg, "(b) the mixture learned from them", grey, Axis { name: "density", spaces: 4 });
+    // Shadows and people are rare: without the logarithm only the background would be seen.
+    let model = Chart { at: [590.0, 40.0], size: [450.0, 220.0], x: [0.0, 256.0], y: [-6.0, 0.0] };
+    model.axes(&mut svg, "(b) the mixture learned from them", grey, Axis { name: "log₁₀ of the density", spaces: 6 });
     for (class, colour) in LINES.into_iter().enumerate().take(3) {
         let density = |z: f64| fit.mixture.classes(z).get(class).copied().unwrap_or_default();
-        model.line(&mut svg, (0..=512).map(|half| f64::from(half) / 2.0).map(|z| [z, density(z).min(0.2)]), colour);
+        let log = |z: f64| density(z).log10().clamp(-6.0, 0.0);
+        model.line(&mut svg, (0..=512).map(|half| f64::from(half) / 2.0).map(|z| [z, log(z)]), colour);
     }
     let b = fit.mixture.background;
     let s = fit.mixture.shadow;

@@ -11,14 +11,14 @@ use crate::svg::{Svg, px};
 pub(crate) fn draw<'a>(svg: &mut Svg, [left, top]: [f64; 2], edge: f64, rows: impl Iterator<Item = Vec<Option<&'a str>>>) {
     let mut paths: BTreeMap<&str, String> = BTreeMap::new();
     for (row, cells) in rows.enumerate() {
-        let y = top + row as f64 * edge;
+        // Each edge is written as where it lies: neighbours share it to the last digit, and nothing shows between them.
+        let [y, below] = [row, row + 1].map(|row| px(top + row as f64 * edge));
         let mut column = 0;
         for run in cells.chunk_by(|a, b| a == b) {
             if let Some(colour) = run.first().copied().flatten() {
-                let (x, width) = (left + column as f64 * edge, run.len() as f64 * edge);
-                let path = paths.entry(colour).or_default();
+                let [x, right] = [column, column + run.len()].map(|column| px(left + column as f64 * edge));
                 // Writing into memory has no way to fail.
-                let _ = write!(path, "M{} {}h{}v{}h-{}z", px(x), px(y), px(width), px(edge), px(width));
+                let _ = write!(paths.entry(colour).or_default(), "M{x} {y}H{right}V{below}H{x}z");
             }
             column += run.len();
         }
@@ -51,8 +51,8 @@ mod tests {
         let rows = [vec![Some("#000"), Some("#000"), None, Some("#000")], vec![None, Some("#111"), None, None]];
         draw(&mut svg, [0.0, 1.0], 2.0, rows.into_iter());
         let text = svg.finish();
-        assert!(text.contains("<path d='M0 1h4v2h-4zM6 1h2v2h-2z' fill='#000'/>"), "{text}");
-        assert!(text.contains("<path d='M2 3h2v2h-2z' fill='#111'/>"), "{text}");
+        assert!(text.contains("<path d='M0 1H4V3H0zM6 1H8V3H6z' fill='#000' shape-rendering='crispEdges'/>"), "{text}");
+        assert!(text.contains("<path d='M2 3H4V5H2z' fill='#111' shape-rendering='crispEdges'/>"), "{text}");
     }
 
     #[test]
