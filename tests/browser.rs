@@ -57,16 +57,24 @@ fn a_browser_sees_the_map_grow_a_walker_and_a_process_that_comes_back() {
     assert!(text(&output.stdout).contains("map sha256 "), "{}", text(&output.stderr));
 }
 
-/// How many pictures a second a browser draws of a map of 50 m × 50 m of which 20 tiles change with each; for people to read.
+/// How many pictures a second a browser draws of a map of 50 m × 50 m of which 20 tiles change with each, and how many bytes a
+/// second a drive at its own pace takes; for people to read.
 #[test]
 #[ignore = "a measurement: --ignored --nocapture"]
 fn how_smooth_a_large_map_is() {
     let mut browser = Chromium::start().expect("chromium");
     let bench = Bench::new();
-    let _run = Run::start(bench.stillmap(["demo", "--speed", "0.1", "--out", bench.path("out").to_str().unwrap()]));
+    let _run = Run::start(bench.stillmap(["demo", "--speed", "1", "--out", bench.path("out").to_str().unwrap()]));
     let is_served = |process: &serde_json::Value| process["note"].as_str().is_some_and(|note| note.starts_with("http://"));
     browser.open(bench.wait_for("viewer", "it serves the page", is_served)["note"].as_str().unwrap());
     browser.screen(1280, 800);
+    let sent =
+        || bench.wait_for("viewer", "it counts", |process| process["counters"]["bytes sent"].is_u64())["counters"]["bytes sent"].clone();
+    browser.wait("stillmap.overlay.trails.size > 0");
+    let first = sent();
+    browser.run("await new Promise(done => setTimeout(done, 20000))");
+    let bytes = sent().as_u64().unwrap() - first.as_u64().unwrap();
+    eprintln!("a drive at its own pace, camera and all: {} kB/s", bytes / 20_000);
     let measured = browser.text(
         "(async () => {
             const [edge, bytes] = [31, 12 + 1024];
@@ -98,7 +106,8 @@ fn how_smooth_a_large_map_is() {
                 worst = Math.max(worst, took);
                 frames++;
             }
-            return `${(frames / 5).toFixed(1)} pictures/s, ${(busy / frames).toFixed(1)} ms each, worst ${worst.toFixed(1)} ms; ${fill.toFixed(0)} ms to take all tiles`;
+            const once = 2 * edge * edge * bytes / 1e6;
+            return `${once.toFixed(1)} MB once, ${(frames / 5).toFixed(1)} pictures/s, ${(busy / frames).toFixed(1)} ms each, worst ${worst.toFixed(1)} ms; ${fill.toFixed(0)} ms to take all tiles`;
         })()",
     );
     eprintln!("a map of 50 m x 50 m, both layers: {measured}");

@@ -71,7 +71,7 @@ impl Chromium {
     }
 
     pub(crate) fn run(&mut self, script: &str) {
-        self.evaluate(&format!("{script}; 0"));
+        self.evaluate(&format!("(async () => {{ {script}; return 0; }})()"));
     }
 
     pub(crate) fn number(&mut self, expression: &str) -> f64 {
