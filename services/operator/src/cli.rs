@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 /// Maps what stands still, from a robot that drives among people.
 #[derive(Debug, Parser)]
-#[command(name = "stillmap", version, about, arg_required_else_help = true, after_help = AFTER_HELP)]
+#[command(name = "stillmap", version, arg_required_else_help = true, after_help = AFTER_HELP)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -119,7 +119,7 @@ pub(crate) struct RunOptions {
     /// Folder for map and log; made when it is not there
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Times faster than real time, 0.01 to 100
+    /// Times faster than real time, 0.01 to 100; 1 unless it is given, for the demo 5, or 3 with `--open`
     #[arg(long, value_name = "N", value_parser = speed)]
     pub(crate) speed: Option<f64>,
     /// Opens the live page in a browser
