@@ -91,6 +91,12 @@ impl Runs {
         }
     }
 
+    /// Whether a run begins with the echo of this time.
+    pub(crate) fn is_first(&self, run: u64, stamp_ns: u64) -> bool {
+        let found = self.runs.binary_search_by_key(&run, |run| run.id).ok().and_then(|at| self.runs.get(at));
+        found.is_some_and(|run| run.begun && run.first.stamp_ns == stamp_ns)
+    }
+
     /// Forgets the runs that ended before a time.
     pub(crate) fn forget(&mut self, before_ns: u64) {
         self.runs.retain(|run| run.last.stamp_ns >= before_ns);

@@ -7,7 +7,7 @@ use tracking::Motion;
 
 use crate::Parameters;
 use crate::observe::ECHO_GATE;
-use crate::track::{Origin, Track};
+use crate::track::{Anchor, Origin, Track};
 use crate::tracks::{MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_view};
 
 /// S from which on an echo is a known wall's.
@@ -22,6 +22,12 @@ const PASSES: u32 = 2;
 const COAST_NS: u64 = 3_000_000_000;
 /// Who came to rest was seen to: his blob fades a moment later, ns.
 const SEEN_NS: u64 = 1_000_000_000;
+/// Echoes that began with a walker are his from so many on: more than a second of them.
+const LEFT_ECHOES: u32 = 4;
+/// Who was faster than this at the last of them walks on, and does not stand, m/s.
+const LEFT_SPEED_M_S: f64 = 0.6;
+/// Echoes of a walker's are asked for him again within this time, ns.
+const ANCHOR_NS: u64 = 1_000_000_000;
 /// Two who stand closer than this are one, m.
 const SAME_M: f64 = 0.4;
 
@@ -31,6 +37,39 @@ pub(crate) struct Heard<'a> {
     pub(crate) beam: &'a Beam,
     /// S from the past alone.
     pub(crate) past: f64,
+    /// Its run in its sonar.
+    pub(crate) run: u64,
+    /// The run begins with it.
+    pub(crate) first: bool,
+}
+
+impl Track {
+    /// Notes an echo that supported it, if it belongs to a run that began with it.
+    fn anchor(&mut self, echo: &Heard<'_>, stamp_ns: u64) {
+        let (motion, run) = (self.motion, echo.run);
+        match self.anchors.iter_mut().find(|anchor| anchor.run == run) {
+            Some(anchor) => *anchor = Anchor { run, echoes: anchor.echoes + 1, motion, stamp_ns },
+            None if echo.first => self.anchors.push(Anchor { run, echoes: 1, motion, stamp_ns }),
+            None => {}
+        }
+    }
+
+    /// Somebody who stands where an echo came from that began with this track and supports it no longer.
+    fn left_behind(&self, echo: &Heard<'_>, stamp_ns: u64) -> Option<Self> {
+        let anchor = self.anchors.iter().find(|anchor| anchor.run == echo.run && anchor.stamp_ns < stamp_ns)?;
+        if anchor.echoes < LEFT_ECHOES || anchor.motion.velocity_m_s().norm() > LEFT_SPEED_M_S {
+            return None;
+        }
+        let mut stander = self.stander_at(0, anchor.motion);
+        (stander.stamp_ns, stander.heard_ns, stander.ended_ns) = (stamp_ns, stamp_ns, None);
+        stander.remember();
+        stander.stands_at(echo.beam).then_some(stander)
+    }
+
+    /// Whether this is somebody who stands where another does.
+    fn stands_near(&self, other: &Self) -> bool {
+        self.held && self.ended_ns.is_none() && (self.motion.place_m() - other.motion.place_m()).norm() < SAME_M
+    }
 }
 
 impl Tracks {
@@ -52,6 +91,7 @@ impl Tracks {
                 self.support_or_start_by_mover(parameters, map_from_robot, stamp_ns, mover);
             }
         }
+        self.note_left_behind(echoes, stamp_ns);
         self.note_standers(stamp_ns);
         self.end_silent(stamp_ns);
     }
@@ -75,6 +115,7 @@ impl Tracks {
         match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
             Some((_, track)) => {
                 track.support_by_echo(echo.beam, stamp_ns);
+                track.anchor(echo, stamp_ns);
                 true
             }
             None => standing,
@@ -93,10 +134,7 @@ impl Tracks {
                     && track.heard_ns == stamp_ns
                     && stamp_ns.saturating_sub(track.seen_ns) <= SEEN_NS
                     && track.rests();
-                let known = |other: &Track| {
-                    other.held && other.ended_ns.is_none() && (other.motion.place_m() - track.motion.place_m()).norm() < SAME_M
-                };
-                rests && !self.tracks.iter().any(known)
+                rests && !self.tracks.iter().any(|other| other.stands_near(track))
             })
             .collect();
         for index in resting {
@@ -104,9 +142,31 @@ impl Tracks {
                 && let Some(track) = self.tracks.get(index)
             {
                 self.given += 1;
-                let stander = track.stander(self.given);
+                let stander = track.stander_at(self.given, track.motion);
                 self.tracks.push(stander);
             }
+        }
+    }
+
+    /// Echoes that began with a walker and go on at their place when the track has left it: he stands there, and the track
+    /// follows somebody who passed him.
+    fn note_left_behind(&mut self, echoes: &[Heard<'_>], stamp_ns: u64) {
+        let mut standers: Vec<Track> = Vec::new();
+        for echo in echoes.iter().filter(|echo| echo.beam.echo() && echo.past <= KNOWN_WALL) {
+            for track in self.tracks.iter().filter(|track| track.confirmed() && track.walked && !track.held) {
+                let Some(stander) = track.left_behind(echo, stamp_ns) else { continue };
+                if !self.tracks.iter().chain(&standers).any(|other| other.stands_near(&stander)) {
+                    standers.push(stander);
+                }
+            }
+        }
+        for mut stander in standers.into_iter().take(MAX_TRACKS.saturating_sub(self.tracks.len())) {
+            self.given += 1;
+            stander.id = self.given;
+            self.tracks.push(stander);
+        }
+        for track in &mut self.tracks {
+            track.anchors.retain(|anchor| stamp_ns.saturating_sub(anchor.stamp_ns) < ANCHOR_NS);
         }
     }
 

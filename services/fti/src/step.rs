@@ -22,7 +22,7 @@ use crate::still::Still;
 use crate::streams::{Frame, Input, Streams, Waiting};
 use crate::tables::{Integration, Ranges, Seen};
 use crate::tracks::{Tracks, in_view};
-use crate::verdict::{presences, walker, weight};
+use crate::verdict::{passer_by, presences, walker, weight};
 use crate::{Action, Camera, Parameters, ParametersError, Rule};
 
 /// Radius of the floor that the robot itself takes, m.
@@ -35,6 +35,8 @@ const RECENT_NS: u64 = 6_000_000_000;
 const LEAST_PAST: f64 = -3.0;
 /// Blobs this far from a scan are of its time, ns.
 const PAIRING_NS: u64 = 150_000_000;
+/// What stayed in a beam for longer is no passer-by, s.
+const MOST_DWELL_S: f64 = 3.0;
 /// `C_Size` and `O_Size` run up to this many cells.
 const MOST_CELLS: f64 = 100.0;
 /// `B_Size` runs up to this share of the picture: 4800 px of 160 × 120.
@@ -70,6 +72,13 @@ pub struct Grounds {
     pub walker: f64,
     /// S: something stands there.
     pub still: f64,
+}
+
+impl Grounds {
+    /// Above 0: a walker is likelier.
+    fn balance(self) -> f64 {
+        self.walker - self.still
+    }
 }
 
 /// Fuzzy-tuned integration over the streams of scans, sonar motion and camera motion.
@@ -271,7 +280,16 @@ impl Fti {
     }
 
     fn follow_by_sonar(&mut self, scan: &Waiting, readings: &[PendingReading]) {
-        let echoes: Vec<Heard<'_>> = readings.iter().map(|reading| Heard { beam: &reading.beam, past: reading.past }).collect();
+        let stamp_ns = scan.stamp_ns;
+        let echoes: Vec<Heard<'_>> = readings
+            .iter()
+            .map(|reading| Heard {
+                beam: &reading.beam,
+                past: reading.past,
+                run: reading.run,
+                first: self.runs.is_first(reading.run, stamp_ns),
+            })
+            .collect();
         let motion = if scan.motion.validate().is_ok() { scan.motion.movers() } else { &[] };
         self.tracks.hear(&self.parameters, &scan.scan.pose, scan.stamp_ns, &echoes, motion);
     }
@@ -314,33 +332,49 @@ impl Fti {
         let limit_m = self.parameters.range_limit_m;
         let of_scan = |scan: &PendingScan| {
             let present = presences(&walkers, scan.stamp_ns);
-            scan.readings.iter().map(|reading| walker(reading, self.runs.dwell_s(reading.run), &present, limit_m)).collect()
+            scan.readings.iter().map(|reading| walker(reading, &present, limit_m)).collect()
         };
         let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
-        let of_scan =
-            |(scan, odds): (&PendingScan, &Vec<f64>)| scan.readings.iter().zip(odds).map(|(reading, t)| weight(*t, reading.past)).collect();
+        let weight_of = |(reading, walker): (&PendingReading, &f64)| {
+            weight(walker.max(passer_by(reading, self.runs.dwell_s(reading.run))), reading.past)
+        };
+        let of_scan = |(scan, odds): (&PendingScan, &Vec<f64>)| scan.readings.iter().zip(odds).map(weight_of).collect();
         let weights = self.pending.iter().zip(&odds).map(of_scan).collect();
         Weighed { odds, weights }
     }
 
-    /// Both sides of the ratio for each reading of a pending scan.
+    /// Both sides of the ratio for each reading of a pending scan: of a walker who is followed, or of a passer-by, whichever
+    /// says more. How long an echo lasts speaks of the passer-by already, so that its own run is no evidence against him.
     fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
         let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
-        let readings = scan.readings.iter().zip(odds).enumerate();
-        readings.map(|(index, (_, walker))| Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index) }).collect()
+        let of_reading = |(index, (reading, walker)): (usize, (&PendingReading, &f64))| {
+            let followed = Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index, None) };
+            let dwell_s = self.runs.dwell_s(reading.run);
+            if dwell_s > MOST_DWELL_S {
+                return followed;
+            }
+            let still = self.stands(&weighed.weights, at, index, Some(reading.run));
+            let passer_by = Grounds { walker: passer_by(reading, dwell_s), still };
+            if followed.balance() > passer_by.balance() { followed } else { passer_by }
+        };
+        scan.readings.iter().zip(odds).enumerate().map(of_reading).collect()
     }
 
-    /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after.
-    fn stands(&self, weights: &[Vec<f64>], at: usize, index: usize) -> f64 {
+    /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after, but for the hits
+    /// of a run.
+    fn stands(&self, weights: &[Vec<f64>], at: usize, index: usize, without_run: Option<u64>) -> f64 {
         let Some(asked) = self.pending.get(at).and_then(|scan| scan.readings.get(index)) else { return 0.0 };
         let mut arc = Arc::new(&self.still, &asked.beam, &asked.arc);
+        let mut hear = |stamp_ns: u64, reading: &PendingReading, weight: f64| {
+            arc.hear(stamp_ns, &reading.beam, if without_run == Some(reading.run) { 0.0 } else { weight });
+        };
         for scan in &self.recent {
-            scan.readings.iter().for_each(|reading| arc.hear(scan.stamp_ns, &reading.beam, reading.weight));
+            scan.readings.iter().for_each(|reading| hear(scan.stamp_ns, reading, reading.weight));
         }
         for (scan_at, (scan, weights)) in self.pending.iter().zip(weights).enumerate() {
             let readings = scan.readings.iter().zip(weights).enumerate();
             for (_, (reading, weight)) in readings.filter(|(other, _)| (scan_at, *other) != (at, index)) {
-                arc.hear(scan.stamp_ns, &reading.beam, *weight);
+                hear(scan.stamp_ns, reading, *weight);
             }
         }
         arc.balance()
@@ -366,7 +400,7 @@ impl Fti {
     fn withholds(&self, scan: &PendingScan, reading: &PendingReading, grounds: &Grounds) -> bool {
         reading.beam.echo()
             && match self.parameters.rule {
-                Rule::Likelihood => self.parameters.readiness + grounds.walker - grounds.still > 0.0,
+                Rule::Likelihood => self.parameters.readiness + grounds.balance() > 0.0,
                 Rule::Paper => scan.regions.iter().any(|region| region.entered_by(&reading.beam, &reading.arc, self.cell)),
             }
     }

@@ -31,6 +31,18 @@ pub(crate) enum Origin {
     Sonar,
 }
 
+/// Echoes of one sonar that began with a walker.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Anchor {
+    /// Their run.
+    pub(crate) run: u64,
+    /// How many he explained.
+    pub(crate) echoes: u32,
+    /// The walker at the last of them.
+    pub(crate) motion: Motion,
+    pub(crate) stamp_ns: u64,
+}
+
 /// What was believed after a support.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Believed {
@@ -76,6 +88,8 @@ pub(crate) struct Track {
     pub(crate) walked: bool,
     /// Its first support has left the history.
     pub(crate) older: bool,
+    /// Where echoes that began with this walker last supported it.
+    pub(crate) anchors: Vec<Anchor>,
 }
 
 impl Track {
@@ -98,6 +112,7 @@ impl Track {
             first_m: motion.place_m().into(),
             walked: false,
             older: false,
+            anchors: Vec::new(),
         };
         track.remember();
         track
@@ -170,9 +185,11 @@ impl Track {
         (last.motion.place_m() - then.motion.place_m()).norm() < REST_M
     }
 
-    /// Somebody who stands where this track rests, known by echoes alone from now on.
-    pub(crate) fn stander(&self, id: u64) -> Self {
+    /// Somebody who stands where this one was, known by echoes alone from now on.
+    pub(crate) fn stander_at(&self, id: u64, motion: Motion) -> Self {
         let mut stander = self.clone();
+        stander.motion = motion;
+        stander.anchors.clear();
         stander.id = id;
         stander.stand_still();
         stander.remember();

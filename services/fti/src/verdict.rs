@@ -6,9 +6,9 @@ use crate::observe::{ECHO_TO_MIDDLE_M, outside_m};
 use crate::pending::PendingReading;
 use crate::smoothed::{Presence, Smoothed};
 
-/// Somebody whom nobody followed, at any place.
-const UNSEEN: f64 = 0.01;
-/// ln of the same for an echo that its sonar heard only once, where no camera looks: people who pass beside or behind the robot.
+/// Somebody whom nobody followed, at any place and for any time.
+const UNSEEN: f64 = 0.005;
+/// ln of how much likelier a passer-by makes an echo that its sonar heard only once, where no camera looks.
 const BRIEF: f64 = 1.7;
 /// And where the camera looks and shows nobody.
 const BRIEF_WATCHED: f64 = -0.5;
@@ -21,13 +21,17 @@ const ASIDE_SD_M: f64 = 0.2;
 /// How fast a pending reading's weight as a hit falls with the evidence for a walker.
 const WEIGHT_SLOPE: f64 = 0.7;
 
-/// ln of how much likelier a walker makes a reading than an even spread over all ranges (T). `dwell_s`: for how long the sonar
-/// heard what it heard then.
-pub(crate) fn walker(reading: &PendingReading, dwell_s: f64, walkers: &[Presence], range_limit_m: f64) -> f64 {
-    let brief = if reading.watched { BRIEF_WATCHED } else { BRIEF };
-    let unseen = UNSEEN + (brief - BRIEF_SLOPE * dwell_s).exp();
+/// ln of how much likelier the walkers who are followed make a reading than an even spread over all ranges (T).
+pub(crate) fn walker(reading: &PendingReading, walkers: &[Presence], range_limit_m: f64) -> f64 {
     let likelihoods = walkers.iter().map(|walker| walker.trust * range_limit_m * likelihood(reading, walker));
-    (unseen + likelihoods.sum::<f64>()).ln()
+    (UNSEEN + likelihoods.sum::<f64>()).ln()
+}
+
+/// The same for somebody whom nobody followed, by how long the sonar heard what it heard then: people who pass beside or behind
+/// the robot leave a beam sooner than what the robot passes.
+pub(crate) fn passer_by(reading: &PendingReading, dwell_s: f64) -> f64 {
+    let brief = if reading.watched { BRIEF_WATCHED } else { BRIEF };
+    brief - BRIEF_SLOPE * dwell_s
 }
 
 /// N(r − (d − 0.12); 0, u'Σu + 0.16²) exp(−l² / 2 (n'Σn + 0.2²)).
