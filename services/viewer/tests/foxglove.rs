@@ -16,6 +16,8 @@ use tungstenite::handshake::client::generate_key;
 use tungstenite::protocol::{Role, WebSocket};
 use tungstenite::{Bytes, Message};
 
+/// Longest that something may not come before the test is called hung; nothing is measured by it.
+const WATCHDOG: Duration = Duration::from_secs(60);
 const TOKEN: &str = "0123456789abcdef";
 
 /// A port with clients.
@@ -52,6 +54,7 @@ impl Bench {
     fn ask(&mut self, lines: &str) -> (UnixStream, String) {
         let (server, mut client) = UnixStream::pair().unwrap();
         server.set_nonblocking(true).unwrap();
+        client.set_read_timeout(Some(WATCHDOG)).unwrap();
         self.feed.admit(server, self.now);
         client.write_all(lines.as_bytes()).unwrap();
         self.feed.advance(self.now);
