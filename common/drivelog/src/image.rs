@@ -6,7 +6,7 @@ use prost::Message;
 
 use messages::{FrameLayout, PixelFormat};
 
-use crate::logged::{DecodeError, Format, protobuf_format};
+use crate::logged::{DecodeError, Format, foxglove_format};
 use crate::tile::timestamp;
 
 /// A picture of a log.
@@ -32,7 +32,7 @@ impl Image {
     /// What a channel of pictures says: they are `foxglove.RawImage`s.
     #[must_use]
     pub fn format() -> Format {
-        protobuf_format::<RawImage>()
+        foxglove_format::<RawImage>()
     }
 
     /// The bytes of a message with a picture; its frame of reference is the camera.

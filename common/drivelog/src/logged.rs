@@ -103,7 +103,7 @@ impl<T: Payload + Mirrored> Logged for T {
 
 impl Logged for MapTile {
     fn format() -> Format {
-        protobuf_format::<foxglove::messages::Grid>()
+        foxglove_format::<foxglove::messages::Grid>()
     }
 
     fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
@@ -117,7 +117,7 @@ impl Logged for MapTile {
 
 impl Logged for LogLine {
     fn format() -> Format {
-        protobuf_format::<foxglove::messages::Log>()
+        foxglove_format::<foxglove::messages::Log>()
     }
 
     fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
@@ -140,8 +140,9 @@ pub(crate) fn json_format<J: JsonSchema>(name: &str) -> Format {
     }
 }
 
-/// One of Foxglove's own messages.
-pub(crate) fn protobuf_format<M: foxglove::Encode>() -> Format {
+/// What a channel of one of Foxglove's own messages says.
+#[must_use]
+pub fn foxglove_format<M: foxglove::Encode>() -> Format {
     let schema = M::get_schema();
     Format {
         schema_name: schema.as_ref().map(|schema| schema.name.clone()).unwrap_or_default(),

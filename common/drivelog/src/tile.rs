@@ -77,7 +77,8 @@ pub(crate) fn decode(data: &[u8]) -> Result<(u64, MapTile), DecodeError> {
 }
 
 /// A stamp as Foxglove writes it; it ends in the year 2106.
-pub(crate) fn timestamp(stamp_ns: u64) -> Timestamp {
+#[must_use]
+pub fn timestamp(stamp_ns: u64) -> Timestamp {
     let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
     Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
 }

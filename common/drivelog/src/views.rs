@@ -8,7 +8,7 @@ use prost::Message;
 
 use messages::{Layer, MapTile, SonarScan, TILE_CELLS, TILE_EDGE};
 
-use crate::logged::{Format, protobuf_format};
+use crate::logged::{Format, foxglove_format};
 use crate::tile::{pose, timestamp};
 
 /// Bytes of a cell of the picture: red, green, blue, alpha.
@@ -29,7 +29,7 @@ impl PoseView {
     /// What its channel says: it is a `foxglove.PoseInFrame`.
     #[must_use]
     pub fn format() -> Format {
-        protobuf_format::<PoseInFrame>()
+        foxglove_format::<PoseInFrame>()
     }
 
     /// The pose of a scan.
@@ -64,7 +64,7 @@ impl MapView {
     /// What its channel says: it is a `foxglove.Grid`, red, green, blue and alpha of each cell.
     #[must_use]
     pub fn format() -> Format {
-        protobuf_format::<Grid>()
+        foxglove_format::<Grid>()
     }
 
     /// The topic of a layer's picture.

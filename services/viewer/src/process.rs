@@ -132,8 +132,8 @@ impl bus::Process for Viewer {
         self.take_pictures(now)?;
         self.obey(context, now)?;
         self.foxglove.advance(now);
-        self.foxglove.feed.flush(now);
         let next = self.show(now);
+        self.foxglove.feed.flush(now);
         self.report(context);
         if context.stopping() || self.is_done(now) {
             self.server.bid_farewell();
@@ -203,7 +203,7 @@ impl Viewer {
 
     /// Sends a frame when it is time for one; when to look again.
     fn show(&mut self, now: Instant) -> Next {
-        if self.server.watching() == 0 {
+        if self.server.watching() == 0 && !self.foxglove.feed.wants_scene() {
             let is_writing = self.server.is_writing() || self.foxglove.feed.is_writing();
             let are_open = self.server.listener.address().is_some() && self.foxglove.listener.address().is_some();
             return match (is_writing, are_open) {
@@ -218,7 +218,9 @@ impl Viewer {
         }
         self.framed = now;
         if std::mem::take(&mut self.scene_is_news) {
-            self.board.put(Topic::Scene, as_text(&self.scene.view()));
+            let scene = self.scene.view();
+            self.board.put(Topic::Scene, as_text(&scene));
+            self.foxglove.feed.scene(&scene);
         }
         self.server.offer(&self.board, now);
         // What is left over, or comes to somebody who has just joined, is offered with the next frame.

@@ -150,6 +150,7 @@ fn channels_say_what_a_log_says_and_messages_are_those_of_a_log() {
         ("camera/mask", "foxglove.RawImage", "protobuf"),
         ("map/tile", "foxglove.Grid", "protobuf"),
         ("map/picture", "foxglove.Grid", "protobuf"),
+        ("viewer/scene", "foxglove.SceneUpdate", "protobuf"),
         ("health/status", "stillmap.DeploymentStatus", "json"),
         ("health/log", "foxglove.Log", "protobuf"),
     ] {

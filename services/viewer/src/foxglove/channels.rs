@@ -7,7 +7,7 @@ use messages::{
 };
 use tungstenite::Message;
 
-use super::protocol;
+use super::{protocol, scene};
 
 /// The channels by their numbers, which count from 1.
 pub(super) struct Channels(Vec<(&'static str, Format)>);
@@ -27,6 +27,7 @@ impl Channels {
             of::<MapTile>(),
             (MapView::topic(Layer::Filtered as u32), MapView::format()),
             (MapView::topic(Layer::Unfiltered as u32), MapView::format()),
+            (scene::TOPIC, scene::format()),
             of::<TruthScan>(),
             of::<DeploymentStatus>(),
             of::<Heartbeat>(),

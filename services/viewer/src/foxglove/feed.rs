@@ -9,8 +9,9 @@ use messages::{FrameLayout, MapTile, Pictures, SonarScan};
 
 use super::channels::Channels;
 use super::client::{Client, Offer};
-use super::protocol;
+use super::{protocol, scene};
 use crate::access::Access;
+use crate::scene::SceneView;
 
 /// Most clients at a time; further ones are closed at once.
 const MOST_CLIENTS: usize = 8;
@@ -112,6 +113,12 @@ impl<S: Read + Write> Feed<S> {
         map.is_due = true;
     }
 
+    /// Sends what is to be drawn over the map.
+    pub fn scene(&mut self, view: &SceneView) {
+        let now_ns = self.now_ns.unwrap_or_default();
+        self.send(scene::TOPIC, now_ns, || scene::encode(view, now_ns));
+    }
+
     /// Sends a picture.
     pub fn picture<P: Pictures>(&mut self, seq: u64, stamp_ns: u64, layout: &FrameLayout, bytes: &[u8]) {
         self.come_to(stamp_ns);
@@ -147,6 +154,12 @@ impl<S: Read + Write> Feed<S> {
     #[must_use]
     pub fn wants<P: Pictures>(&self) -> bool {
         self.has_reader(P::SERVICE.name)
+    }
+
+    /// Whether somebody has subscribed to what is drawn over the map.
+    #[must_use]
+    pub fn wants_scene(&self) -> bool {
+        self.has_reader(scene::TOPIC)
     }
 
     /// Those who are connected.
