@@ -45,6 +45,13 @@ fn a_browser_sees_the_map_grow_a_walker_and_a_process_that_comes_back() {
     browser.wait("document.querySelector('[data-process=mapping]').className === 'running'");
     assert!(browser.text("document.querySelector('[data-process=mapping] .state').textContent").contains("×1"));
 
+    browser.wait("!document.querySelector('#camera').hidden && document.querySelector('#camera canvas').width === 160");
+    browser.wait("document.querySelector('#foxglove code').textContent.startsWith('ws://127.0.0.1:')");
+    browser.run("document.querySelector('[data-layer=difference]').click()");
+    browser.wait("stillmap.tiles.mode === 'difference' && document.querySelector('#legend .difference').offsetHeight > 0");
+    browser.picture(&Path::new(PICTURES).join("page-difference.png"));
+    browser.run("document.querySelector('[data-layer=filtered]').click()");
+
     browser.screen(390, 844);
     browser.wait("document.documentElement.scrollWidth <= 390");
     browser.picture(&Path::new(PICTURES).join("page-390.png"));
