@@ -71,8 +71,15 @@ impl Bench {
 
     /// The `stillmap` command in this bench.
     pub(crate) fn stillmap<I: AsRef<std::ffi::OsStr>>(&self, arguments: impl IntoIterator<Item = I>) -> Command {
-        let mut command = Command::new(&self.executable);
-        command.args(arguments).env("STILLMAP_RUNTIME_DIR", self.runtime.path()).current_dir(self.files.path());
+        let mut command = self.stillmap_by(&self.executable);
+        command.args(arguments);
+        command
+    }
+
+    /// Another program in this bench, one that starts the command.
+    pub(crate) fn stillmap_by(&self, program: impl AsRef<std::ffi::OsStr>) -> Command {
+        let mut command = Command::new(program);
+        command.env("STILLMAP_RUNTIME_DIR", self.runtime.path()).current_dir(self.files.path());
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }

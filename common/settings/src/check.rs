@@ -19,6 +19,7 @@ impl Settings {
     pub fn check(&self) -> Result<(), Fault> {
         self.check_processes()?;
         self.check_source()?;
+        self.check_pictures()?;
         self.check_lists()?;
         self.check_verdicts()?;
         self.check_viewer()?;
@@ -114,8 +115,29 @@ impl Settings {
         if self.pace == Pace::Lockstep && live.into_iter().any(|kind| self.runs(kind)) {
             return Err(Fault::new("pace", "\"live\", for a robot waits for nobody"));
         }
-        if self.runs(BuiltIn::Camera) && self.runs(BuiltIn::Playback) {
+        if self.runs(BuiltIn::Simulator) && self.runs(BuiltIn::Playback) {
+            return Err(Fault::new("process", "one world, either that of \"simulator\" or that of \"playback\""));
+        }
+        Ok(())
+    }
+
+    /// Pictures come from one place, and who looks for motion in them has some.
+    fn check_pictures(&self) -> Result<(), Fault> {
+        let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
+        let (camera, playback, sbs) = (self.runs(BuiltIn::Camera), self.runs(BuiltIn::Playback), self.runs(BuiltIn::Sbs));
+        let simulated = if self.runs(BuiltIn::Simulator) { self.simulator.camera.provides } else { Provides::Off };
+        if camera && playback {
             return Err(Fault::new("process", "one source of pictures, either \"camera\" or \"playback\""));
+        }
+        if camera && simulated == Provides::Pictures {
+            return Err(Fault::new("simulator.camera.provides", "\"off\", since a process runs \"camera\", which gives the pictures"));
+        }
+        if sbs && simulated == Provides::Motion {
+            return Err(Fault::new("simulator.camera.provides", "\"pictures\", since a process runs \"sbs\" and tells the motion in them"));
+        }
+        if sbs && !(camera || playback || foreign || simulated == Provides::Pictures) {
+            let expected = "a source of pictures for \"sbs\": run = \"camera\", or the simulator with camera.provides = \"pictures\"";
+            return Err(Fault::new("process", expected));
         }
         Ok(())
     }
@@ -135,9 +157,6 @@ impl Settings {
         }
         let pretended = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
         let sbs = self.runs(BuiltIn::Sbs);
-        if sbs && self.runs(BuiltIn::Simulator) && self.simulator.camera.provides != Provides::Pictures {
-            return Err(Fault::new("simulator.camera.provides", "\"pictures\", since a process runs \"sbs\" and tells the motion in them"));
-        }
         if fti && self.fti.expect_camera && !(sbs || pretended || self.runs(BuiltIn::Playback) || foreign) {
             return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));
         }

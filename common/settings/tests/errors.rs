@@ -237,6 +237,50 @@ fn who_waits_for_verdicts_or_the_camera_has_somebody_to_wait_for() {
 }
 
 #[test]
+fn pictures_come_from_one_place_and_go_somewhere() {
+    let process = |kind: &str| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n");
+    let deployment = |kinds: &[&str], provides: &str| {
+        let processes: String = kinds.iter().map(|kind| process(kind)).collect();
+        format!("name = \"x\"\n{processes}[simulator.camera]\nprovides = {provides:?}\n")
+    };
+    let check = |kinds: &[&str], provides: &str, expected: &str| assert_eq!(refused(&deployment(kinds, provides)), expected);
+    check(
+        &["mapping", "simulator", "pioneer", "camera"],
+        "pictures",
+        "demo.toml:15: simulator.camera.provides = \"pictures\": expected \"off\", since a process runs \"camera\", which gives the pictures",
+    );
+    check(
+        &["mapping", "simulator", "pioneer", "sbs"],
+        "motion",
+        "demo.toml:15: simulator.camera.provides = \"motion\": expected \"pictures\", since a process runs \"sbs\" and tells the motion in them",
+    );
+    let no_pictures = "demo.toml:2: process: expected a source of pictures for \"sbs\": run = \"camera\", or the simulator with \
+                       camera.provides = \"pictures\"";
+    check(&["mapping", "simulator", "pioneer", "sbs"], "off", no_pictures);
+    check(&["mapping", "pioneer", "sbs"], "off", no_pictures);
+    check(
+        &["mapping", "playback", "camera"],
+        "off",
+        "demo.toml:2: process: expected one source of pictures, either \"camera\" or \"playback\"",
+    );
+    check(
+        &["mapping", "playback", "simulator"],
+        "off",
+        "demo.toml:2: process: expected one world, either that of \"simulator\" or that of \"playback\"",
+    );
+    for (kinds, provides) in [
+        (&["mapping", "simulator", "pioneer", "sbs"][..], "pictures"),
+        (&["mapping", "simulator", "pioneer", "sbs", "camera"], "off"),
+        (&["mapping", "pioneer", "sbs", "camera"], "off"),
+        (&["mapping", "playback", "sbs"], "off"),
+        (&["mapping", "simulator", "pioneer"], "motion"),
+    ] {
+        let parsed = Settings::parse("demo.toml", &deployment(kinds, provides));
+        assert!(parsed.is_ok(), "{kinds:?}: {parsed:?}");
+    }
+}
+
+#[test]
 fn tables_of_the_paper_are_whole_and_of_known_sets() {
     let row = "[\"VS\", \"S\", \"M\", \"L\", \"VL\"]";
     let rows = |last: &str| format!("[fti.tables]\nsize = [{row}, {row}, {row}, {row}, {last}]\n");

@@ -8,7 +8,7 @@ use tracking::Motion;
 use crate::Parameters;
 use crate::observe::ECHO_GATE;
 use crate::track::{Anchor, Origin, Track};
-use crate::tracks::{MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_view};
+use crate::tracks::{COAST_NS, MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_view};
 
 /// S from which on an echo is a known wall's.
 const KNOWN_WALL: f64 = 1.5;
@@ -18,8 +18,6 @@ const SLOW_M_S: f64 = 0.35;
 const HELD_NS: u64 = 1_500_000_000;
 /// Or when this many readings
 const PASSES: u32 = 2;
-/// A walker out of view is followed for this time, ns. Echoes do not prolong it: there are always some, of walls.
-const COAST_NS: u64 = 3_000_000_000;
 /// Who came to rest was seen to: his blob fades a moment later, ns.
 const SEEN_NS: u64 = 1_000_000_000;
 /// Echoes that began with a walker are his from so many on: more than a second of them.
@@ -75,7 +73,7 @@ impl Track {
 impl Tracks {
     /// The echoes and movers of a scan.
     pub(crate) fn hear(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, echoes: &[Heard<'_>], movers: &[Mover]) {
-        self.alive().for_each(|track| track.predict(stamp_ns));
+        self.lead(stamp_ns);
         let mut claimed = vec![false; echoes.len()];
         for (echo, claimed) in echoes.iter().zip(&mut claimed).filter(|(echo, _)| echo.beam.echo()) {
             *claimed = self.support_by_echo(echo, stamp_ns);

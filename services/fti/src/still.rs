@@ -66,7 +66,7 @@ impl Still {
         for cell in cells {
             let mut evidence = self.cells.get(*cell);
             if evidence.hit_slot != slot {
-                evidence.hits = (evidence.hits + 1).min(KEPT[0]);
+                evidence.hits = evidence.hits.saturating_add(1).min(KEPT[0]);
                 evidence.hit_slot = slot;
                 self.cells.set(*cell, evidence);
             }
@@ -103,7 +103,7 @@ pub(crate) fn free_reach_m(beam: &Beam) -> Option<f64> {
 fn add_free(cells: &mut Lattice<Evidence>, cell: Cell, slot: u16, sights: u8) {
     let mut evidence = cells.get(cell);
     if evidence.free_slot != slot {
-        evidence.free = (evidence.free + sights).min(KEPT[1]);
+        evidence.free = evidence.free.saturating_add(sights).min(KEPT[1]);
         evidence.free_slot = slot;
         cells.set(cell, evidence);
     }
@@ -154,6 +154,16 @@ mod tests {
         assert_eq!(past(&still, &[Cell { row: 0, column: 38 }]), 0.0);
         still.free(&beam(3.0, 0), SLOT_NS);
         assert_eq!(past(&still, &[Cell { row: 0, column: 20 }]), -1.0);
+    }
+
+    #[test]
+    fn a_cell_of_a_damaged_state_is_counted_on() {
+        let (mut still, cell) = (still(), Cell { row: 0, column: 3 });
+        still.cells.set(cell, Evidence { hits: u8::MAX, free: u8::MAX, hit_slot: 9, free_slot: 9 });
+        still.hit(&[cell], 0);
+        still.stand(0.0, 0.0, 0.2, 0);
+        let Evidence { hits, free, .. } = still.get(cell);
+        assert_eq!([hits, free], KEPT);
     }
 
     #[test]

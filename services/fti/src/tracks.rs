@@ -17,6 +17,8 @@ pub(crate) const SPEED_SD_M_S: f64 = 0.8;
 const TENTATIVE_NS: u64 = 400_000_000;
 /// A track that should be visible and is not ends after this time, ns.
 pub(crate) const UNSEEN_NS: u64 = 1_000_000_000;
+/// A walker out of view is followed for this time, ns. Echoes do not prolong it: there are always some, of walls.
+pub(crate) const COAST_NS: u64 = 3_000_000_000;
 /// The camera sees nobody beyond this, m.
 const SIGHT_M: f64 = 6.0;
 /// A track this close to the side of the picture may be out of it, rad.
@@ -41,13 +43,24 @@ impl Tracks {
         self.tracks.iter_mut().filter(|track| track.ended_ns.is_none())
     }
 
+    /// Leads everybody on to this time. Whoever was followed before a long pause may be anywhere: he is followed no longer.
+    pub(crate) fn lead(&mut self, stamp_ns: u64) {
+        for track in self.alive() {
+            if stamp_ns.saturating_sub(track.stamp_ns) > COAST_NS {
+                track.ended_ns = Some(track.supported_ns());
+            } else {
+                track.predict(stamp_ns);
+            }
+        }
+    }
+
     /// The blobs of a frame, taken from a robot at `map_from_robot`.
     pub(crate) fn see(&mut self, camera: &Camera, map_from_robot: &Pose, stamp_ns: u64, frame: &CameraMotion) {
         let Some(view) = View::new(camera, frame).filter(|_| frame.status == CameraStatus::Compensated as u32) else { return };
         let map_from_camera = map_from_robot.then(&camera.mount);
         let since_ns = if self.frame_ns == 0 { 0 } else { stamp_ns.saturating_sub(self.frame_ns) };
         self.frame_ns = stamp_ns;
-        self.alive().for_each(|track| track.predict(stamp_ns));
+        self.lead(stamp_ns);
         let sights: Vec<Sight> = frame.blobs().iter().map(|blob| view.sight(blob)).collect();
         let owners = self.associate(&map_from_camera, &sights);
         let in_view = |motion: &Motion| in_view(camera, &map_from_camera, motion);

@@ -180,3 +180,17 @@ proptest! {
 fn padded(bytes: &[u8], size: usize) -> Vec<u8> {
     bytes.iter().copied().cycle().take(size).collect()
 }
+
+#[test]
+fn whoever_was_followed_before_a_long_pause_is_not_led_on_beyond_it() {
+    let (mut fti, walking) = (Fti::new(Parameters::default()).unwrap(), 55);
+    feed(&mut fti, 1..=walking, true);
+    assert_eq!(fti.walkers().count, 1);
+    // Thirty years later a blob is there again, where the walker of old would be if nobody knew where he is by now.
+    let stamp_ns = 1_000_000_000_000_000_000;
+    fti.step(Input::Camera { stamp_ns, motion: &frame(5.5) });
+    fti.step(Input::Scan { seq: walking + 1, stamp_ns, scan: &scan(5.5) });
+    fti.step(Input::Sonar { seq: walking + 1, motion: &SonarMotion::default() });
+    assert_eq!(fti.last_scan(), Some((walking + 1, stamp_ns)));
+    assert_eq!(fti.walkers().count, 0);
+}

@@ -7,7 +7,7 @@ use crate::exit::BadInput;
 use drivelog::{Entry, Log};
 use indicatif::MultiProgress;
 use messages::SonarScan;
-use settings::{BuiltIn, Process, Program, Settings};
+use settings::{BuiltIn, Injector, Process, Program, Settings, Viewer};
 use std::path::{Path, PathBuf};
 
 /// Makes the map again from a log; the exit code.
@@ -33,7 +33,8 @@ fn read_settings(path: &Path) -> anyhow::Result<String> {
     }
 }
 
-/// The recorded deployment with playback in place of what brought the world in. Nothing is recorded again.
+/// The recorded deployment with playback in place of what brought the world in. Nothing is recorded again, no fault happens again,
+/// and who may look is not for a log to say: it may come from anybody.
 fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Result<Settings> {
     settings.name = unique_name("replay")?;
     settings.out = PathBuf::from("replay-out");
@@ -42,6 +43,9 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
         Pace::Live => settings::Pace::Live,
     };
     settings.playback.log = log;
+    settings.viewer = Viewer::default();
+    settings.injector = Injector::default();
+    settings.fault.clear();
     // Without pictures in the log, what the camera saw is played as it was recorded.
     let has_pictures = settings.recorder.pictures;
     settings.process.retain(|process| match &process.program {
@@ -76,6 +80,19 @@ mod tests {
         assert!(replay.process.last().unwrap().ends_run);
         assert_eq!(replay.pace, settings::Pace::Lockstep);
         assert_eq!(replay.mapping, recorded.mapping, "the same map comes of the same settings");
+        replay.check().unwrap();
+    }
+
+    #[test]
+    fn what_a_log_says_of_faults_and_of_who_may_look_is_not_done() {
+        let more = "[[process]]\nname = \"faults\"\nrun = \"injector\"\n[[fault]]\nprocess = \"std\"\nkind = \"kill\"\n
+            [[fault]]\nservice = \"robot/scan\"\nkind = \"drop\"\n";
+        let viewer = "[viewer]\naddress = \"0.0.0.0\"\ntoken = \"known-to-strangers\"";
+        let demo = include_str!("../../../config/demo.toml").replace("[robot]", &format!("{more}[robot]"));
+        let recorded = Settings::parse("demo.toml", &demo.replace("[viewer]\naddress = \"127.0.0.1\"", viewer)).unwrap();
+        assert!(!recorded.viewer.address.get().is_loopback() && recorded.routed_services().len() == 1);
+        let replay = deployment(recorded, "/logs/drive.mcap".into(), Pace::Live).unwrap();
+        assert_eq!((replay.viewer.clone(), replay.fault.len(), replay.routed_services().len()), (Viewer::default(), 0, 0));
         replay.check().unwrap();
     }
 

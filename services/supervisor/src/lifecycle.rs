@@ -50,6 +50,8 @@ impl std::fmt::Display for Exit {
             Self::BadInput => write!(f, "refused its input"),
             Self::BrokenDomain => write!(f, "found the shared memory broken"),
             Self::Code(code) => write!(f, "ended with exit code {code}"),
+            // What is mapped and cannot be had: all but always shared memory that is used up.
+            Self::Signal(7) => write!(f, "was killed by signal 7 (bus error), as whoever writes when /dev/shm is full"),
             Self::Signal(number) => write!(f, "was killed by signal {number}"),
             Self::NotStarted(why) => write!(f, "could not be started: {why}"),
         }

@@ -1,0 +1,119 @@
+//! Memory and disks that are full: whole deployments in a mount namespace of their own, on file systems of a few megabytes.
+//!
+//! Only root may mount; for anybody else these tests say so and do nothing.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::LazyLock;
+
+use harness::replays::{Watched, record_drive, replay_settings, sha256_of};
+use harness::{Bench, text};
+
+/// One recorded drive for all tests, and the map of its undisturbed replay.
+static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
+    let bench = Bench::new();
+    let log = record_drive(&bench);
+    let settings = bench.write("undisturbed.toml", &replay_settings("undisturbed", &log, ""));
+    let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
+    (bench, log, map)
+});
+
+/// Whether mounts can be made; says so when not.
+fn can_mount() -> bool {
+    let tried = Command::new("unshare").args(["-m", "sh", "-c", "mount -t tmpfs -o size=1m none /mnt"]).stderr(Stdio::null()).status();
+    let can = tried.is_ok_and(|status| status.success());
+    if !can {
+        let _ = writeln!(std::io::stderr(), "skipped: only root may mount a small file system");
+    }
+    can
+}
+
+/// A run with a file system of this size, mount(8)'s way to say it, in place of a folder. What it holds at the end is copied beside it.
+fn on_a_small_disk(bench: &Bench, folder: &Path, size: &str, arguments: &[&str]) -> Watched {
+    let script = "folder=$1; shift; mount -t tmpfs -o size=$1,mode=1777 none \"$folder\" || exit 99; shift; \"$0\" \"$@\" & trap 'kill -TERM $!' TERM
+        wait $!; code=$?; case $folder in /dev/*) ;; *) cp -r \"$folder\" \"$folder.kept\";; esac; exit $code";
+    let command = bench.stillmap(arguments);
+    let mut small = bench.stillmap_by("unshare");
+    small.args(["-m", "sh", "-c", script]).arg(command.get_program()).arg(folder).arg(size).args(command.get_args());
+    Watched::start(small)
+}
+
+/// A folder as the run sees it.
+fn within(run: &Watched, folder: &Path) -> PathBuf {
+    PathBuf::from(format!("/proc/{}/root{}", run.pid(), folder.display()))
+}
+
+/// Takes everything that is left on a file system; freed when the file is removed.
+fn fill(folder: &Path) -> PathBuf {
+    let path = folder.join("ballast");
+    let mut ballast = File::create(&path).unwrap();
+    while ballast.write_all(&[0; 4096]).is_ok() {}
+    path
+}
+
+#[test]
+fn shared_memory_that_is_used_up_kills_whoever_writes_and_the_map_does_not_notice() {
+    if !can_mount() {
+        return;
+    }
+    let (_, log, undisturbed) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
+    let memory = Path::new("/dev/shm");
+    let mut run = on_a_small_disk(&bench, memory, "80m", &["run", settings.to_str().unwrap()]);
+    drop(run.wait_for_line("playback   is up"));
+    let ballast = fill(&within(&run, memory));
+    let said = run.wait_for_line("killed by signal 7");
+    assert!(said.contains("as whoever writes when /dev/shm is full"), "{said}");
+    fs::remove_file(ballast).unwrap();
+    let ended = run.end();
+    assert_eq!(&sha256_of(&ended), undisturbed, "{}", ended.2);
+}
+
+#[test]
+fn without_enough_shared_memory_nothing_starts() {
+    if !can_mount() {
+        return;
+    }
+    let bench = Bench::new();
+    let settings = bench.write("replay.toml", &replay_settings("replay", &DRIVE.1, ""));
+    let run = on_a_small_disk(&bench, Path::new("/dev/shm"), "16m", &["run", settings.to_str().unwrap()]);
+    let (code, _, said) = run.end();
+    assert_ne!(code, Some(0));
+    assert!(said.contains("/dev/shm has 16777216 bytes free, expected at least 67108864"), "{said}");
+}
+
+#[test]
+fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_file() {
+    if !can_mount() {
+        return;
+    }
+    let (_, log, _) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = bench.write("replay.toml", &replay_settings("replay", log, "").replace("\"lockstep\"", "\"live\""));
+    let out = bench.path("replay-out");
+    fs::create_dir(&out).unwrap();
+    let mut run = on_a_small_disk(&bench, &out, "256k", &["run", settings.to_str().unwrap(), "--speed", "10"]);
+    let said = run.wait_for_line("the disk is full");
+    assert!(said.contains("drive.mcap") && said.contains("what comes is not recorded until it can be"), "{said}");
+    let more = ["-t", &run.pid().to_string(), "-m", "mount", "-o", "remount,size=64m", out.to_str().unwrap()];
+    assert!(Command::new("nsenter").args(more).status().unwrap().success());
+    let said = run.wait_for_line("recording again, into");
+    assert!(said.contains("drive.2.mcap") && said.contains("messages were not recorded"), "{said}");
+    let (code, stdout, stderr) = run.end();
+    assert_eq!(code, Some(0), "{stdout}{stderr}");
+    assert!(!stdout.contains("restarted") && stdout.contains("map sha256"), "{stdout}");
+    let kept = bench.path("replay-out.kept");
+    for file in ["drive.mcap", "drive.2.mcap"] {
+        let alone = bench.path("alone.mcap");
+        fs::copy(kept.join(file), &alone).unwrap();
+        let info = bench.output(["log", "info", alone.to_str().unwrap()]);
+        let (code, told) = (info.status.code(), text(&info.stdout));
+        assert!(code == Some(0) && told.contains("complete") && told.contains("robot/scan"), "{file}: {told}{}", text(&info.stderr));
+    }
+}
