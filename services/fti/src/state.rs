@@ -49,6 +49,7 @@ struct State {
     /// Row, column and cells of each tile.
     still: Vec<(i32, i32, Vec<Packed>)>,
     runs: Runs,
+    company_ns: Option<u64>,
     pending: VecDeque<PendingScan>,
     recent: VecDeque<PendingScan>,
     /// Time, x, y and yaw.
@@ -65,6 +66,7 @@ impl Fti {
             tracks: self.tracks.clone(),
             still: self.still.cells().tiles().map(|(key, cells)| (key.row, key.column, cells.iter().map(pack).collect())).collect(),
             runs: self.runs.clone(),
+            company_ns: self.company_ns,
             pending: self.pending.clone(),
             recent: self.recent.clone(),
             last: self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad)),
@@ -95,6 +97,7 @@ impl Fti {
         fti.tracks = state.tracks;
         fti.still = Still::new(cells);
         fti.runs = state.runs;
+        fti.company_ns = state.company_ns;
         fti.pending = state.pending;
         fti.recent = state.recent;
         fti.last = state.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));

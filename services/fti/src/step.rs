@@ -35,6 +35,8 @@ const RECENT_NS: u64 = 6_000_000_000;
 const LEAST_PAST: f64 = -3.0;
 /// Blobs this far from a scan are of its time, ns.
 const PAIRING_NS: u64 = 150_000_000;
+/// Where somebody was about, others may be for this time, ns.
+const COMPANY_NS: u64 = 20_000_000_000;
 /// What stayed in a beam for longer is no passer-by, s.
 const MOST_DWELL_S: f64 = 3.0;
 /// `C_Size` and `O_Size` run up to this many cells.
@@ -91,6 +93,8 @@ pub struct Fti {
     pub(crate) tracks: Tracks,
     pub(crate) still: Still,
     pub(crate) runs: Runs,
+    /// Last time at which somebody was followed.
+    pub(crate) company_ns: Option<u64>,
     pub(crate) pending: VecDeque<PendingScan>,
     /// Those decided lately, the oldest first: what they say is still known reading by reading.
     pub(crate) recent: VecDeque<PendingScan>,
@@ -125,6 +129,7 @@ impl Fti {
             tracks: Tracks::default(),
             still: Still::new(Lattice::new(cell)),
             runs: Runs::default(),
+            company_ns: None,
             pending: VecDeque::new(),
             recent: VecDeque::new(),
             last: None,
@@ -203,6 +208,9 @@ impl Fti {
         self.follow_by_camera(scan, frames);
         let readings = self.readings(&scan.scan, scan.stamp_ns);
         self.follow_by_sonar(scan, &readings);
+        if self.tracks.alive().any(|track| track.confirmed() && track.walked) {
+            self.company_ns = Some(scan.stamp_ns);
+        }
         let blobs = self.blobs(frames, scan.stamp_ns);
         let regions = update_regions(&self.integration, &pose, scan.motion.movers(), &blobs, self.parameters.correspond_m);
         self.still.stand(pose.x_m, pose.y_m, ROBOT_RADIUS_M, scan.stamp_ns);
@@ -335,10 +343,13 @@ impl Fti {
             scan.readings.iter().map(|reading| walker(reading, &present, limit_m)).collect()
         };
         let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
-        let weight_of = |(reading, walker): (&PendingReading, &f64)| {
-            weight(walker.max(passer_by(reading, self.runs.dwell_s(reading.run))), reading.past)
+        let of_scan = |(scan, odds): (&PendingScan, &Vec<f64>)| {
+            let alone = self.alone(scan);
+            let weight_of = |(reading, walker): (&PendingReading, &f64)| {
+                weight(walker.max(passer_by(reading, self.runs.dwell_s(reading.run), alone)), reading.past)
+            };
+            scan.readings.iter().zip(odds).map(weight_of).collect()
         };
-        let of_scan = |(scan, odds): (&PendingScan, &Vec<f64>)| scan.readings.iter().zip(odds).map(weight_of).collect();
         let weights = self.pending.iter().zip(&odds).map(of_scan).collect();
         Weighed { odds, weights }
     }
@@ -347,6 +358,7 @@ impl Fti {
     /// says more. How long an echo lasts speaks of the passer-by already, so that its own run is no evidence against him.
     fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
         let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
+        let alone = self.alone(scan);
         let of_reading = |(index, (reading, walker)): (usize, (&PendingReading, &f64))| {
             let followed = Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index, None) };
             let dwell_s = self.runs.dwell_s(reading.run);
@@ -354,10 +366,16 @@ impl Fti {
                 return followed;
             }
             let still = self.stands(&weighed.weights, at, index, Some(reading.run));
-            let passer_by = Grounds { walker: passer_by(reading, dwell_s), still };
+            let passer_by = Grounds { walker: passer_by(reading, dwell_s, alone), still };
             if followed.balance() > passer_by.balance() { followed } else { passer_by }
         };
         scan.readings.iter().zip(odds).enumerate().map(of_reading).collect()
+    }
+
+    /// Whether the camera was at work at a scan and nobody has been about for long, or is since.
+    fn alone(&self, scan: &PendingScan) -> bool {
+        scan.inputs & FilterVerdict::FROM_CAMERA != 0
+            && self.company_ns.is_none_or(|last_ns| scan.stamp_ns > last_ns.saturating_add(COMPANY_NS))
     }
 
     /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after, but for the hits

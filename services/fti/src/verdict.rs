@@ -8,10 +8,10 @@ use crate::smoothed::{Presence, Smoothed};
 
 /// Somebody whom nobody followed, at any place and for any time.
 const UNSEEN: f64 = 0.005;
-/// ln of how much likelier a passer-by makes an echo that its sonar heard only once, where no camera looks.
+/// ln of how much likelier a passer-by makes an echo that its sonar heard only once, when people are about or nobody looks.
 const BRIEF: f64 = 1.7;
-/// And where the camera looks and shows nobody.
-const BRIEF_WATCHED: f64 = -0.5;
+/// And when the camera looks there and shows nobody, or has shown nobody anywhere for long.
+const BRIEF_ALONE: f64 = -0.5;
 /// By how much that falls with each second for which the sonar heard the same thing, 1/s.
 const BRIEF_SLOPE: f64 = 2.5;
 /// Spread of an echo's range about the front of a body, m.
@@ -28,9 +28,9 @@ pub(crate) fn walker(reading: &PendingReading, walkers: &[Presence], range_limit
 }
 
 /// The same for somebody whom nobody followed, by how long the sonar heard what it heard then: people who pass beside or behind
-/// the robot leave a beam sooner than what the robot passes.
-pub(crate) fn passer_by(reading: &PendingReading, dwell_s: f64) -> f64 {
-    let brief = if reading.watched { BRIEF_WATCHED } else { BRIEF };
+/// the robot leave a beam sooner than what the robot passes. `alone`: the camera has shown nobody for long.
+pub(crate) fn passer_by(reading: &PendingReading, dwell_s: f64, alone: bool) -> f64 {
+    let brief = if reading.watched || alone { BRIEF_ALONE } else { BRIEF };
     brief - BRIEF_SLOPE * dwell_s
 }
 
