@@ -35,7 +35,8 @@ pub struct Viewer {
     pub address: Address,
     /// Port of the page; when it is taken, the next nine are tried.
     pub port: PagePort,
-    /// Port for Foxglove and Lichtblick, `ws://ADDRESS:PORT`; when it is taken, the next nine are tried.
+    /// Port for Foxglove and Lichtblick, `ws://ADDRESS:PORT`; when it is taken, the next nine are tried. A page of another site than
+    /// Foxglove's own needs the token.
     pub foxglove_port: FoxglovePort,
     /// What a browser or Foxglove has to know: `http://ADDRESS:PORT/?token=TOKEN`, `ws://ADDRESS:PORT/?token=TOKEN`. It goes over the network as it is written here.
     #[serde(skip_serializing_if = "Option::is_none")]

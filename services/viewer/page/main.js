@@ -71,7 +71,7 @@ function showDeployment(deployment) {
   document.body.classList.toggle("simulated", deployment.is_simulated);
   by("layers").hidden = !deployment.has_unfiltered;
   by("foxglove").hidden = deployment.foxglove_port === null;
-  by("foxglove").querySelector("code").textContent = `ws://${location.hostname}:${deployment.foxglove_port}`;
+  by("foxglove").querySelector("code").textContent = `ws://${location.hostname}:${deployment.foxglove_port}${location.search && "/"}${location.search}`;
 }
 
 function showStatus(status) {
