@@ -18,17 +18,18 @@ pub(crate) fn figure() -> Result<String, Error> {
 fn draw(svg: &mut Svg, at: [f64; 2], variable: &fti::Variable) {
     let centres = variable.sets.centres();
     let (Some(first), Some(last)) = (centres.first(), centres.last()) else { return };
-    let chart = Chart { at, size: [310.0, 160.0], x: [*first, *last], y: [0.0, 1.25] };
-    chart.axes(svg, variable.name, Axis { name: variable.unit, spaces: 4 }, Axis { name: "", spaces: 5 });
+    let chart = Chart { at, size: [310.0, 160.0], x: [*first, *last], y: [0.0, 1.0] };
+    chart.axes(svg, variable.name, Axis { name: variable.unit, spaces: 4 }, Axis { name: "", spaces: 4 });
     for (set, (colour, name)) in LINES.into_iter().zip(variable.words).enumerate() {
         chart.line(svg, outline(&variable.sets, set), colour);
-        let centre = centres.get(set).copied().unwrap_or(*first);
-        let anchor = match set {
-            0 => Anchor::Start,
-            4 => Anchor::End,
-            _ => Anchor::Middle,
+        let [x, y] = chart.place(centres.get(set).copied().unwrap_or(*first), 0.55);
+        // Under its peak each set is alone.
+        let (x, anchor) = match set {
+            0 => (x + 6.0, Anchor::Start),
+            4 => (x - 6.0, Anchor::End),
+            _ => (x, Anchor::Middle),
         };
-        svg.text(chart.place(centre, 1.07), anchor, 12.0, colour, name);
+        svg.text([x, y], anchor, 12.0, colour, name);
     }
 }
 
