@@ -4,12 +4,15 @@ use simulator::World;
 use toml::{Table, Value};
 
 /// Which walkers a drive meets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Variation {
     /// Number of walkers; `None`: those of the file as they are.
     pub walkers: Option<usize>,
     /// Decides when, how fast and how far aside each walks.
     pub seed: u64,
+    /// How long each stands at every place of his way but the last, s, or halfway where there is no other; `None`: as the file
+    /// says.
+    pub stand_s: Option<f64>,
 }
 
 /// A world that cannot be varied.
@@ -57,7 +60,30 @@ pub fn read_world(text: &str, variation: Variation) -> Result<World, VariationEr
         });
         table.insert("walker".to_owned(), Value::Array(walkers.collect()));
     }
+    if let (Some(stand_s), Some(Value::Array(walkers))) = (variation.stand_s, table.get_mut("walker")) {
+        walkers.iter_mut().filter_map(Value::as_table_mut).for_each(|walker| stand(walker, stand_s));
+    }
     Ok(Value::Table(table).try_into()?)
+}
+
+/// Stops at every goal but the last; one halfway where there is only one.
+fn stand(walker: &mut Table, stand_s: f64) {
+    let from = walker.get("from_m").and_then(as_place);
+    let Some(Value::Array(goals)) = walker.get_mut("way") else { return };
+    let only = if let [Value::Table(goal)] = goals.as_slice() { goal.get("to_m").and_then(as_place) } else { None };
+    if let (Some(from), Some(to)) = (from, only) {
+        let halfway = [0, 1].map(|axis| Value::Float((from[axis] + to[axis]) / 2.0));
+        goals.insert(0, Value::Table(Table::from_iter([("to_m".to_owned(), Value::Array(halfway.into()))])));
+    }
+    let before_last = goals.len().saturating_sub(1);
+    for goal in goals.iter_mut().take(before_last).filter_map(Value::as_table_mut) {
+        goal.insert("stop_s".to_owned(), Value::Float(stand_s));
+    }
+}
+
+fn as_place(value: &Value) -> Option<[f64; 2]> {
+    let [x, y] = value.as_array()?.as_slice() else { return None };
+    Some([as_number(x)?, as_number(y)?])
 }
 
 fn varied(model: &Table, round: usize, mut chance: Chance) -> Table {
@@ -139,7 +165,18 @@ mod tests {
     const WORLD: &str = "[robot]\nstart_m = [0, 0]\nway = [{ to_m = [5, 0] }]\n[[walker]]\nfrom_m = [1, 1]\nstart_s = 20\nway = [{ to_m = [2, 2], stop_s = 5 }, { to_m = [3, 3] }]\n";
 
     fn world(walkers: Option<usize>, seed: u64) -> World {
-        read_world(WORLD, Variation { walkers, seed }).unwrap()
+        read_world(WORLD, Variation { walkers, seed, stand_s: None }).unwrap()
+    }
+
+    #[test]
+    fn everyone_stands_on_his_way_for_as_long_as_wanted() {
+        let way = |text: &str| {
+            let world = read_world(text, Variation { walkers: None, seed: 1, stand_s: Some(30.0) }).unwrap();
+            world.walkers[0].way.iter().map(|goal| (goal.to_m.get(), goal.stop_s.get())).collect::<Vec<_>>()
+        };
+        assert_eq!(way(WORLD), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
+        let straight = WORLD.replace("{ to_m = [2, 2], stop_s = 5 }, ", "");
+        assert_eq!(way(&straight), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
     }
 
     #[test]

@@ -18,7 +18,7 @@ way = [{ to_m = [1.4, 1.5], stop_s = 6 }]
 ";
 
 fn drive(walkers: Option<usize>) -> Drive {
-    let world = read_world(ROOM, Variation { walkers, seed: 1 }).unwrap();
+    let world = read_world(ROOM, Variation { walkers, seed: 1, stand_s: None }).unwrap();
     Drive::through(&world, &Body::of_settings(&settings::Robot::default()), 3.0, None, 1)
 }
 
@@ -55,7 +55,7 @@ const LEAVES_NS: u64 = 33_000_000_000;
 
 #[test]
 fn who_stood_for_half_a_minute_is_gone_from_the_map_five_seconds_after_leaving() {
-    let world = read_world(STANDER, Variation { walkers: None, seed: 1 }).unwrap();
+    let world = read_world(STANDER, Variation { walkers: None, seed: 1, stand_s: None }).unwrap();
     let settings = settings::Settings::default();
     let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: Failings::default() };
     let drive = Drive::through(&world, &Body::of_settings(&settings.robot), 3.0, Some(&eyes), 1);
@@ -92,10 +92,11 @@ fn every_world_that_comes_with_the_program_can_be_varied() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let text = std::fs::read_to_string(&path).unwrap();
-        let own = read_world(&text, Variation { walkers: None, seed: 0 }).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let own = read_world(&text, Variation { walkers: None, seed: 0, stand_s: None })
+            .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         if !own.walkers.is_empty() {
-            let twelve =
-                read_world(&text, Variation { walkers: Some(12), seed: 3 }).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+            let twelve = read_world(&text, Variation { walkers: Some(12), seed: 3, stand_s: None })
+                .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
             assert_eq!(twelve.walkers.len(), 12);
             worlds += 1;
         }

@@ -194,6 +194,9 @@ pub(crate) struct DriveOptions {
     /// Numbers of walkers; those of the file when not given
     #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "world")]
     pub(crate) walkers: Vec<u32>,
+    /// Everyone stands for so long on his way, at each of its places but the last; as the file says when not given
+    #[arg(long, value_name = "SECONDS", value_parser = standing, requires = "world")]
+    pub(crate) stand: Option<f64>,
     /// What decides about readings
     #[arg(long, value_enum, default_value_t = Rule::Full, requires = "world")]
     pub(crate) rule: Rule,
@@ -387,6 +390,13 @@ fn factor(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(factor) if (0.0..=10.0).contains(&factor) => Ok(factor),
         _ => Err("expected a number from 0 to 10".to_owned()),
+    }
+}
+
+fn standing(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected 0 to 3600 s".to_owned()),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::cli::{DriveOptions, Rule};
 use crate::exit::BadInput;
 use evaluate::{Drive, Eyes, Filter, Trial, Variation, filter, read_world, reference};
 use indicatif::{MultiProgress, ProgressBar};
-use settings::{Cue, MovingCell, Settings, VerdictRule};
+use settings::{Action, Cue, MovingCell, Settings, VerdictRule};
 use simulator::blobs::Failings;
 use simulator::{Body, Optics};
 use std::path::Path;
@@ -57,6 +57,7 @@ fn sections(options: &DriveOptions) -> anyhow::Result<Settings> {
         Rule::Sonar => settings.fti.expect_camera = false,
         Rule::Paper => {
             (settings.fti.rule, settings.fti.cue, settings.std.rule) = (VerdictRule::Paper, Cue::Paper, MovingCell::Paper);
+            settings.fti.action = Action::Free;
         }
     }
     Ok(settings)
@@ -71,7 +72,8 @@ fn read(path: &Path) -> anyhow::Result<(String, String)> {
 
 fn drive(task: &Task<'_>, settings: &Settings, options: &DriveOptions) -> anyhow::Result<Row> {
     let world = |walkers: Option<usize>| {
-        read_world(task.text, Variation { walkers, seed: task.seed }).map_err(|error| BadInput(format!("{}: {error}", task.name)))
+        read_world(task.text, Variation { walkers, seed: task.seed, stand_s: options.stand })
+            .map_err(|error| BadInput(format!("{}: {error}", task.name)))
     };
     let (body, limit_m) = (Body::of_settings(&settings.robot), settings.robot.range_limit_m.get());
     let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: failings(settings, options) };
