@@ -1,66 +1,68 @@
 //! The state of a process in a file: written whole or not at all, checked when read.
 
+use core::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use crate::paths::{ignore_missing, make_private};
+use crate::paths::{free_name, make_private};
 
-const MAGIC: &[u8; 8] = b"SMCHKPT1";
-const HEAD: usize = MAGIC.len() + 8 + 8 + 4;
+const MAGIC: &[u8; 8] = b"SMCHKPT2";
+const HEAD: usize = MAGIC.len() + 8 + 8 + 4 + 4;
 
 /// Where a process keeps its state between its incarnations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checkpoint {
     path: PathBuf,
     run: u64,
+    start: u32,
 }
 
-/// State that could not be kept or taken up.
+/// What an earlier incarnation has kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Saved {
+    /// Its state.
+    pub state: Vec<u8>,
+    /// The whole deployment has been stopped, or was killed, and started again since: what had ended then goes on.
+    pub before_a_stop: bool,
+}
+
+/// State that could not be kept; what was kept before stays.
 #[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// The file system refuses.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What it says.
-        source: io::Error,
-    },
-    /// The file is not a checkpoint of this run, or is damaged. It has been set aside.
-    #[error("{path} is no checkpoint of this run ({reason}); set aside as {aside}")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Where it is now.
-        aside: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
+#[error("{path}: {source}")]
+pub struct CheckpointError {
+    /// The file.
+    pub path: PathBuf,
+    /// What the file system says.
+    pub source: io::Error,
 }
 
 impl Checkpoint {
-    pub(crate) fn new(domain_directory: &Path, process: &str, run: u64) -> Self {
-        Self { path: domain_directory.join("state").join(format!("{process}.checkpoint")), run }
+    /// The checkpoint of a process in a folder of checkpoints, in a run that has been started `start` times before.
+    pub(crate) fn new(folder: &Path, process: &str, run: u64, start: u32) -> Self {
+        Self { path: folder.join(format!("{process}.checkpoint")), run, start }
     }
 
-    /// The state as it was last saved, if it ever was.
-    ///
-    /// # Errors
-    /// When the file cannot be read, or is damaged: then it is set aside and the next load finds none.
-    pub fn load(&self) -> Result<Option<Vec<u8>>, CheckpointError> {
-        let bytes = match std::fs::read(&self.path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(self.io(source)),
+    /// What `restore` makes of what an earlier incarnation kept. `None` where there is nothing, or nothing that can be used: that
+    /// is said, and put under another name, where nobody writes over it.
+    pub fn take_up<T, E: Display>(&self, restore: impl FnOnce(&Saved) -> Result<T, E>) -> Option<T> {
+        let problem = match std::fs::read(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
+            Err(error) => error.to_string(),
+            Ok(bytes) => match check(&bytes, self.run) {
+                Err(damage) => damage,
+                Ok((start, state)) => match restore(&Saved { state: state.to_vec(), before_a_stop: start < self.start }) {
+                    Ok(restored) => return Some(restored),
+                    Err(error) => error.to_string(),
+                },
+            },
         };
-        match self.parse(&bytes) {
-            Ok(state) => Ok(Some(state.to_vec())),
-            Err(reason) => {
-                let aside = self.path.with_extension("damaged");
-                std::fs::rename(&self.path, &aside).map_err(|source| self.io(source))?;
-                Err(CheckpointError::Damaged { path: self.path.clone(), aside, reason })
-            }
+        let aside = free_name(&self.path);
+        let path = self.path.display();
+        match std::fs::rename(&self.path, &aside) {
+            Ok(()) => tracing::error!("begins anew: {path} cannot be used ({problem}); it is kept as {}", aside.display()),
+            Err(error) => tracing::error!("begins anew: {path} cannot be used ({problem}), and not be put aside: {error}"),
         }
+        None
     }
 
     /// Replaces what was saved before. After a kill at any moment, either the old or the new state is there.
@@ -68,15 +70,7 @@ impl Checkpoint {
     /// # Errors
     /// When the file system refuses; what was saved before stays.
     pub fn save(&self, state: &[u8]) -> Result<(), CheckpointError> {
-        self.write(state).map_err(|source| self.io(source))
-    }
-
-    /// Forgets what was saved.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn remove(&self) -> Result<(), CheckpointError> {
-        ignore_missing(std::fs::remove_file(&self.path)).map_err(|source| self.io(source))
+        self.write(state).map_err(|source| CheckpointError { path: self.path.clone(), source })
     }
 
     fn write(&self, state: &[u8]) -> io::Result<()> {
@@ -88,51 +82,66 @@ impl Checkpoint {
         file.write_all(MAGIC)?;
         file.write_all(&self.run.to_le_bytes())?;
         file.write_all(&(state.len() as u64).to_le_bytes())?;
-        file.write_all(&crc32fast::hash(state).to_le_bytes())?;
+        file.write_all(&self.start.to_le_bytes())?;
+        file.write_all(&checksum(self.start, state).to_le_bytes())?;
         file.write_all(state)?;
         std::fs::rename(&fresh, &self.path)
     }
+}
 
-    fn parse<'a>(&self, bytes: &'a [u8]) -> Result<&'a [u8], String> {
-        let (head, state) = bytes.split_at_checked(HEAD).ok_or_else(|| format!("{} bytes, expected at least {HEAD}", bytes.len()))?;
-        let number = |at: usize| head[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
-        if !head.starts_with(MAGIC) {
-            return Err("it begins otherwise".to_owned());
-        }
-        let run = number(8);
-        if run != self.run {
-            return Err(format!("run {run:016x}, expected {:016x}", self.run));
-        }
-        if number(16) != state.len() as u64 {
-            return Err(format!("{} bytes of state, expected {}", state.len(), number(16)));
-        }
-        let crc = head[24..28].try_into().map_or(0, u32::from_le_bytes);
-        let found = crc32fast::hash(state);
-        if crc != found {
-            return Err(format!("checksum {found:08x}, expected {crc:08x}"));
-        }
-        Ok(state)
-    }
+fn checksum(start: u32, state: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&start.to_le_bytes());
+    hasher.update(state);
+    hasher.finalize()
+}
 
-    fn io(&self, source: io::Error) -> CheckpointError {
-        CheckpointError::Io { path: self.path.clone(), source }
+/// The number of the start in which a checkpoint was saved, and the state in it; or what is wrong with it as one of this run.
+pub(crate) fn check(bytes: &[u8], run: u64) -> Result<(u32, &[u8]), String> {
+    let (head, state) = bytes.split_at_checked(HEAD).ok_or_else(|| format!("{} bytes, expected at least {HEAD}", bytes.len()))?;
+    let long = |at: usize| head[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
+    let short = |at: usize| head[at..at + 4].try_into().map_or(0, u32::from_le_bytes);
+    if !head.starts_with(MAGIC) {
+        return Err(format!("it begins with {:?}, expected {:?}", head[..8].escape_ascii().to_string(), MAGIC.escape_ascii().to_string()));
     }
+    if long(8) != run {
+        return Err(format!("run {:016x}, expected {run:016x}", long(8)));
+    }
+    if long(16) != state.len() as u64 {
+        return Err(format!("{} bytes of state, expected {}", state.len(), long(16)));
+    }
+    let (start, expected) = (short(24), short(28));
+    let found = checksum(start, state);
+    if found != expected {
+        return Err(format!("checksum {found:08x}, expected {expected:08x}"));
+    }
+    Ok((start, state))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn load(checkpoint: &Checkpoint) -> Option<Saved> {
+        checkpoint.take_up(|saved| Ok::<_, String>(saved.clone()))
+    }
+
+    fn saved(state: &[u8], before_a_stop: bool) -> Option<Saved> {
+        Some(Saved { state: state.to_vec(), before_a_stop })
+    }
+
     #[test]
-    fn what_is_saved_is_loaded_and_damage_is_refused_once() {
+    fn what_is_saved_is_taken_up_and_what_is_damaged_is_put_aside() {
         let folder = tempfile::tempdir().expect("a folder");
-        let checkpoint = Checkpoint::new(folder.path(), "mapping", 7);
-        assert_eq!(checkpoint.load().expect("nothing there"), None);
+        let checkpoint = Checkpoint::new(folder.path(), "mapping", 7, 0);
+        assert_eq!(load(&checkpoint), None);
         checkpoint.save(b"first").expect("saved");
         checkpoint.save(b"second").expect("saved");
-        assert_eq!(checkpoint.load().expect("readable").as_deref(), Some(&b"second"[..]));
+        assert_eq!(load(&checkpoint), saved(b"second", false));
+        assert_eq!(load(&Checkpoint::new(folder.path(), "mapping", 7, 1)), saved(b"second", true));
 
         let whole = std::fs::read(&checkpoint.path).expect("readable");
+        let mut aside = 0;
         for at in 0..whole.len() {
             for damaged in [whole[..at].to_vec(), {
                 let mut b = whole.clone();
@@ -140,17 +149,23 @@ mod tests {
                 b
             }] {
                 std::fs::write(&checkpoint.path, &damaged).expect("written");
-                let error = checkpoint.load().expect_err("damaged");
-                assert!(matches!(error, CheckpointError::Damaged { .. }), "byte {at}: {error}");
-                assert_eq!(checkpoint.load().expect("set aside"), None);
+                assert_eq!(load(&checkpoint), None, "byte {at}");
+                aside += 1;
+                let kept = folder.path().join(format!("mapping.checkpoint-{aside}"));
+                assert_eq!(std::fs::read(kept).expect("kept"), damaged);
             }
         }
     }
 
     #[test]
-    fn another_run_is_refused() {
+    fn another_run_is_refused_and_so_is_what_cannot_be_restored() {
         let folder = tempfile::tempdir().expect("a folder");
-        Checkpoint::new(folder.path(), "mapping", 7).save(b"state").expect("saved");
-        assert!(Checkpoint::new(folder.path(), "mapping", 8).load().is_err());
+        let checkpoint = Checkpoint::new(folder.path(), "mapping", 7, 0);
+        checkpoint.save(b"state").expect("saved");
+        assert_eq!(load(&Checkpoint::new(folder.path(), "mapping", 8, 0)), None);
+        checkpoint.save(b"state").expect("saved");
+        assert_eq!(checkpoint.take_up(|_| Err::<(), _>("of another version")), None);
+        assert_eq!(load(&checkpoint), None);
+        assert_eq!(folder.path().read_dir().expect("readable").count(), 2, "both are kept");
     }
 }

@@ -22,6 +22,12 @@ impl DeploymentClock {
         Self::from_parts(nanoseconds(ClockId::Monotonic), nanoseconds(ClockId::Realtime), speed)
     }
 
+    /// The same clock, set to this time at its start if it would be earlier: in a run that goes on, time does not run backwards,
+    /// whatever became of the wall clock since.
+    pub(crate) fn not_before(self, least_ns: u64) -> Self {
+        Self { started_real_ns: self.started_real_ns.max(least_ns), ..self }
+    }
+
     pub(crate) fn from_parts(started_monotonic_ns: u64, started_real_ns: u64, speed: f64) -> Self {
         let speed = if speed.is_finite() { speed.clamp(0.001, 1000.0) } else { 1.0 };
         Self { started_monotonic_ns, started_real_ns, speed }
@@ -71,6 +77,13 @@ mod tests {
         assert_eq!(clock.at(1_000), 5_000_000_000);
         assert_eq!(clock.at(1_000 + 2_000_000_000), 25_000_000_000);
         assert_eq!(clock.at(0), 5_000_000_000, "before the start it stands");
+    }
+
+    #[test]
+    fn a_clock_that_goes_on_is_set_forward_and_never_back() {
+        let clock = DeploymentClock::from_parts(1_000, 5_000, 2.0);
+        assert_eq!(clock.not_before(7_000).at(1_010), 7_020);
+        assert_eq!(clock.not_before(4_000), clock);
     }
 
     #[test]

@@ -25,12 +25,15 @@ use crate::outlet::Refresh;
 use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
 use crate::reader::Reader;
 use crate::shell::{drain, listener_descriptor, timespec};
+use crate::state::{Kept, State};
 use crate::writer::Writer;
 
 /// Shared memory that must be free before a deployment starts: a full `/dev/shm` is SIGBUS later, not an error.
 const NEEDED_SHARED_MEMORY: u64 = 64 << 20;
 /// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
 const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+/// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
+const UNNOTED_S: f64 = 3.0;
 
 /// A domain that could not be opened, joined or cleaned.
 #[derive(Debug, thiserror::Error)]
@@ -91,8 +94,9 @@ pub struct Domain {
     services: Vec<Box<dyn std::any::Any>>,
     writers: Vec<Rc<dyn Refresh>>,
     listeners: Vec<Rc<Listener<ipc::Service>>>,
-    run: u64,
     clock: DeploymentClock,
+    /// The run, and where its checkpoints are.
+    state: State,
     /// Services whose messages go through a process between their publishers and their readers.
     routed: Vec<String>,
     _lock: File,
@@ -104,15 +108,16 @@ impl Domain {
     /// # Errors
     /// When a supervisor holds it, processes of an earlier run are alive, or memory or the file system refuse.
     pub fn open(name: &str, speed: f64) -> Result<Self, DomainError> {
-        Self::open_routed(name, speed, &[])
+        Self::open_with(name, speed, &[], None)
     }
 
-    /// As [`Domain::open`]; what is sent on the services named in `routed` does not go straight to their readers, but to who
-    /// [taps](crate::Shell::tap) it.
+    /// As [`Domain::open`]. What is sent on the services named in `routed` does not go straight to their readers, but to who
+    /// [taps](crate::Shell::tap) it. `kept` says where checkpoints outlive the deployment, if they do: the run that was there last
+    /// goes on then, under its own number and with a clock that is not behind it.
     ///
     /// # Errors
     /// As [`Domain::open`].
-    pub fn open_routed(name: &str, speed: f64, routed: &[&str]) -> Result<Self, DomainError> {
+    pub fn open_with(name: &str, speed: f64, routed: &[&str], kept: Option<Kept<'_>>) -> Result<Self, DomainError> {
         check_name(name)?;
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
         remove_abandoned(&runtime, name);
@@ -121,12 +126,19 @@ impl Domain {
         let mut lock = take_lock(&paths)?;
         wait_until_deserted(&paths)?;
         let clock = DeploymentClock::start(speed);
-        let run = clock.started_real_ns ^ (u64::from(std::process::id()) << 48);
+        let new_run = clock.started_real_ns ^ (u64::from(std::process::id()) << 48);
         let io = |path: &Path| {
             let path = path.to_owned();
             move |source| DomainError::Io { path, source }
         };
         paths.wipe().map_err(io(&paths.directory))?;
+        let state = match kept {
+            None => State::of_the_run(&paths.directory, new_run),
+            Some(kept) => State::take_up(kept, name, new_run).map_err(io(kept.folder))?,
+        };
+        let unnoted_ns = (UNNOTED_S * clock.speed() * 1e9) as u64;
+        let clock = clock.not_before(state.last_ns().saturating_add(unnoted_ns));
+        let run = state.run();
         lock.set_len(0).and_then(|()| write!(lock, "{} {run:016x}", std::process::id())).map_err(io(&paths.lock))?;
         let mut domain = Self {
             paths,
@@ -134,12 +146,13 @@ impl Domain {
             services: Vec::new(),
             writers: Vec::new(),
             listeners: Vec::new(),
-            run,
             clock,
+            state,
             routed: routed.iter().map(|name| (*name).to_owned()).collect(),
             _lock: lock,
         };
         domain.rebuild()?;
+        domain.note_time()?;
         Ok(domain)
     }
 
@@ -195,7 +208,21 @@ impl Domain {
     /// The run that this hold stands for.
     #[must_use]
     pub fn run(&self) -> u64 {
-        self.run
+        self.state.run()
+    }
+
+    /// Whether this is an earlier run that goes on.
+    #[must_use]
+    pub fn goes_on(&self) -> bool {
+        self.state.start() > 0
+    }
+
+    /// Keeps how late it is in the deployment for the next start of the run; to be called every second or so.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn note_time(&self) -> Result<(), DomainError> {
+        self.state.note(self.clock.now_ns()).map_err(|source| DomainError::Io { path: self.state.folder().to_owned(), source })
     }
 
     /// What a child is told: its environment is [`Membership::environment`].
@@ -204,11 +231,13 @@ impl Domain {
         Membership {
             directory: self.paths.directory.clone(),
             process: process.to_owned(),
-            run: self.run,
+            run: self.run(),
             incarnation,
             clock: self.clock,
             settings_path: settings_path.to_owned(),
             routed: self.routed.clone(),
+            state: self.state.folder().to_owned(),
+            start: self.state.start(),
         }
     }
 
@@ -217,7 +246,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run, None)?;
+        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run(), None)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }
@@ -227,7 +256,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
-        let writer = Writer::new(self.fabric()?.open(Channel::Open)?, self.run, Rc::new(Cell::new(0)))?;
+        let writer = Writer::new(self.fabric()?.open(Channel::Open)?, self.run(), Rc::new(Cell::new(0)))?;
         self.writers.push(writer.refresh());
         Ok(writer)
     }

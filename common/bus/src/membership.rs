@@ -16,6 +16,8 @@ const INCARNATION: &str = "STILLMAP_INCARNATION";
 const CLOCK: &str = "STILLMAP_CLOCK";
 const SETTINGS: &str = "STILLMAP_SETTINGS";
 const ROUTE: &str = "STILLMAP_ROUTE";
+const STATE: &str = "STILLMAP_STATE";
+const START: &str = "STILLMAP_START";
 
 /// The place of a process in its deployment.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +30,10 @@ pub struct Membership {
     pub(crate) settings_path: PathBuf,
     /// Services whose messages do not go straight to their readers.
     pub(crate) routed: Vec<String>,
+    /// The folder of checkpoints.
+    pub(crate) state: PathBuf,
+    /// How many times the run was started before.
+    pub(crate) start: u32,
 }
 
 /// An environment that no supervisor made.
@@ -74,6 +80,7 @@ impl Membership {
 
         let run = text(RUN)?;
         let incarnation = text(INCARNATION)?;
+        let start = text(START)?;
         let clock = text(CLOCK)?;
         let clock_parts: Option<DeploymentClock> = (|| {
             let mut parts = clock.split(':');
@@ -88,6 +95,8 @@ impl Membership {
             clock: clock_parts.ok_or_else(|| malformed(CLOCK, &clock, "MONOTONIC_NS:REAL_NS:SPEED"))?,
             settings_path: path(SETTINGS)?,
             routed: text(ROUTE)?.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect(),
+            state: path(STATE)?,
+            start: start.parse().map_err(|_| malformed(START, &start, "a number"))?,
         })
     }
 
@@ -103,6 +112,8 @@ impl Membership {
             (CLOCK, OsString::from(clock)),
             (SETTINGS, self.settings_path.clone().into_os_string()),
             (ROUTE, OsString::from(self.routed.join(","))),
+            (STATE, self.state.clone().into_os_string()),
+            (START, OsString::from(self.start.to_string())),
         ]
     }
 
@@ -118,7 +129,7 @@ impl Membership {
         self.run
     }
 
-    /// How often this process has been started before in this run.
+    /// How often this process has been started before since the deployment was.
     #[must_use]
     pub fn incarnation(&self) -> u32 {
         self.incarnation
@@ -167,6 +178,8 @@ mod tests {
             clock: DeploymentClock::from_parts(12, 34, 2.5),
             settings_path: "/run/stillmap/demo/settings.toml".into(),
             routed: vec!["robot/scan".to_owned(), "map/verdict".to_owned()],
+            state: "/home/robot/out/state".into(),
+            start: 2,
         }
     }
 
@@ -188,7 +201,7 @@ mod tests {
             .expect_err("one is missing");
             assert!(error.to_string().contains(missing), "{error}");
         }
-        for malformed in [RUN, INCARNATION, CLOCK] {
+        for malformed in [RUN, INCARNATION, CLOCK, START] {
             let error = Membership::from_lookup(|key| {
                 told.iter()
                     .find(|(name, _)| *name == key)

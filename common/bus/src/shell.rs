@@ -8,7 +8,9 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{FileDescriptorBased, ipc};
-use messages::{Counter, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
+use messages::{
+    Counter, DeploymentStatus, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text,
+};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::broken::BusError;
@@ -23,6 +25,7 @@ use crate::paths::DomainPaths;
 use crate::raw::{Injection, Tap};
 use crate::reader::Reader;
 use crate::signals::Signals;
+use crate::stream::Received;
 use crate::writer::Writer;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
@@ -114,6 +117,8 @@ pub struct Shell {
     inputs: Vec<Rc<RefCell<InputCounters>>>,
     sent: Rc<Cell<u64>>,
     report: Report,
+    /// Processes that may need again what this one has said.
+    needed_by: Vec<String>,
     _member: File,
 }
 
@@ -159,6 +164,7 @@ impl Shell {
             inputs: Vec::new(),
             sent: Rc::new(Cell::new(0)),
             report: Report::default(),
+            needed_by: Vec::new(),
             _member: member,
         };
         shell.beat(Phase::Starting)?;
@@ -238,6 +244,12 @@ impl Shell {
         Ok(writer)
     }
 
+    /// Has this process stay, once it has finished, until the processes of these names are over. They may die and then need again
+    /// what it has said, and what a stream held dies with its sender.
+    pub fn stay_for(&mut self, names: impl IntoIterator<Item = String>) {
+        self.needed_by.extend(names);
+    }
+
     /// Who this process is.
     #[must_use]
     pub fn membership(&self) -> &Membership {
@@ -247,7 +259,8 @@ impl Shell {
     /// Where this process keeps its state between its incarnations.
     #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
-        Checkpoint::new(self.membership.directory(), self.membership.process(), self.membership.run)
+        let Membership { state, run, start, .. } = &self.membership;
+        Checkpoint::new(state, self.membership.process(), *run, *start)
     }
 
     /// Lets readers that have joined have what was sent, and waits until a message comes on an input, or for `patience`; for
@@ -290,10 +303,35 @@ impl Shell {
             // A request to stop that has been seen stays readable to nobody: its bytes are taken, so waiting does not spin.
             self.wait(&process.descriptors(), patience)?;
         }
+        self.stay()?;
         self.beat(Phase::Ending)?;
         if self.sent.get() > 0 {
             self.writers.iter().for_each(|writer| writer.refresh());
             rustix::event::poll(&mut [], Some(&timespec(LINGER))).map_err(std::io::Error::from)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps what was said until nobody needs it any more, or somebody asks to stop.
+    fn stay(&mut self) -> Result<(), RunError> {
+        if self.needed_by.is_empty() {
+            return Ok(());
+        }
+        let mut statuses = Reader::<DeploymentStatus>::new(&self.fabric.open(Channel::Open)?, self.membership.run, None)?;
+        self.listeners.extend(statuses.listener());
+        while self.signals.requested().is_none() {
+            while let Some(received) = statuses.take()? {
+                let Received::Message(status) = received else { continue };
+                let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
+                self.needed_by.retain(|name| !is_over(name));
+            }
+            if self.needed_by.is_empty() {
+                break;
+            }
+            self.tell_progress()?;
+            self.beat(Phase::Running)?;
+            self.writers.iter().for_each(|writer| writer.refresh());
+            self.wait(&[], HEARTBEAT)?;
         }
         Ok(())
     }

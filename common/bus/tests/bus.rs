@@ -3,7 +3,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use messages::{Heartbeat, Payload, Pose, Progress, SonarScan};
+use messages::{DeploymentStatus, Heartbeat, Payload, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarScan, Text};
 use stillmap_bus::{Context, Domain, DomainError, Next, Process, Reader, Received, RunningDomain, Shell, StepError, Tool, Writer};
 
 /// A domain that no other test shares.
@@ -138,6 +138,65 @@ fn the_run_loop_takes_reports_and_ends() {
     }
     assert_eq!(phases, [1, 2]);
     drop((heartbeats, progress, writer, answer));
+    domain.close().unwrap();
+}
+
+/// Sends three scans and the end, and has then done its work.
+struct Sending(Writer<SonarScan>);
+
+impl Process for Sending {
+    fn step(&mut self, _: &mut Context<'_>) -> Result<Next, StepError> {
+        for seq in 1..=3 {
+            self.0.send(seq, seq, &scan(0.0))?;
+        }
+        self.0.end(3, 3)?;
+        Ok(Next::Finished)
+    }
+}
+
+#[test]
+fn who_is_needed_stays_when_it_has_finished_and_what_it_said_can_be_had_again() {
+    let mut domain = domain();
+    let mut heartbeats: Reader<Heartbeat> = domain.reader().unwrap();
+    let mut statuses: Writer<DeploymentStatus> = domain.writer().unwrap();
+    let told = |state: ProcessState| {
+        let mut status = DeploymentStatus { count: 1, ..DeploymentStatus::default() };
+        status.processes[0] = ProcessStatus { process: Text::new("sink"), state: state as u32, ..ProcessStatus::default() };
+        status
+    };
+    statuses.send(1, 1, &told(ProcessState::Running)).unwrap();
+    let membership = domain.membership_for("source", 0, "settings.toml".as_ref());
+    let source = std::thread::spawn(move || {
+        let mut shell = Shell::join(membership).unwrap();
+        let mut sending = Sending(shell.writer().unwrap());
+        shell.stay_for(["sink".to_owned()]);
+        shell.run(&mut sending).unwrap();
+    });
+    // It works on: one heartbeat is that of its start, the rest come after its work was done.
+    let mut beats = 0;
+    while beats < 4 {
+        domain.refresh();
+        while let Some(Received::Message(beat)) = heartbeats.take().unwrap() {
+            assert_ne!(beat.phase, Phase::Ending as u32, "it has gone");
+            beats += u32::from(beat.phase == Phase::Running as u32);
+        }
+        std::thread::yield_now();
+    }
+    let mut sink = shell(&domain, "sink");
+    let mut reader: Reader<SonarScan> = sink.reader().unwrap();
+    let mut taken = Vec::new();
+    while taken.len() < 4 {
+        taken.extend(sequence(&mut reader));
+        std::thread::yield_now();
+    }
+    assert_eq!(taken, [1, 2, 3, 1_000_003]);
+    statuses.send(2, 2, &told(ProcessState::Finished)).unwrap();
+    while !source.is_finished() {
+        domain.refresh();
+        std::thread::yield_now();
+    }
+    source.join().unwrap();
+    drop((sink, reader, heartbeats, statuses));
     domain.close().unwrap();
 }
 

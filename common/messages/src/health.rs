@@ -218,6 +218,22 @@ plain! {
     }
 }
 
+impl ProcessStatus {
+    /// Whether it has finished or failed for good: it is not started again.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32).contains(&self.state)
+    }
+}
+
+impl DeploymentStatus {
+    /// The processes in start order.
+    #[must_use]
+    pub fn processes(&self) -> &[ProcessStatus] {
+        self.processes.get(..self.count as usize).unwrap_or_default()
+    }
+}
+
 impl Payload for Heartbeat {
     const SERVICE: Service = Service { name: "health/heartbeat", version: 2, qos: Qos::REPORTS, wakes: false, sequenced: false };
 

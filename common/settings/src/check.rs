@@ -37,6 +37,11 @@ impl Settings {
         self.process.iter().any(|process| process.runs(kind))
     }
 
+    /// The names of the processes that run this.
+    pub fn named(&self, kind: BuiltIn) -> impl Iterator<Item = String> {
+        self.process.iter().filter(move |process| process.runs(kind)).map(|process| process.name.as_str().to_owned())
+    }
+
     /// The services that go through the injector, each once: none where no process runs it.
     #[must_use]
     pub fn routed_services(&self) -> Vec<RoutedService> {

@@ -60,30 +60,20 @@ impl Wish {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
+    let last = checkpoint.take_up(|saved| Place::from_bytes(&saved.state).ok_or("it has another length")).unwrap_or_default();
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),
         wish: Wish::of_settings(&settings.camera),
         camera: None,
         given: None,
-        session: Session::new(limits, speed, load(&checkpoint)),
+        session: Session::new(limits, speed, last),
         frames: shell.frame_writer()?,
         checkpoint,
         unsaved: false,
         speed,
     };
     Ok(shell.run(&mut process)?)
-}
-
-/// The last picture that an earlier process of this run published. Damage is said; numbers then start anew.
-fn load(checkpoint: &Checkpoint) -> Place {
-    match checkpoint.load() {
-        Ok(bytes) => bytes.as_deref().and_then(Place::from_bytes).unwrap_or_default(),
-        Err(error) => {
-            tracing::warn!("{error}");
-            Place::default()
-        }
-    }
 }
 
 struct Process {

@@ -46,28 +46,17 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
         PortSetting::Simulator => membership.directory().join(SIMULATOR_PORT),
         PortSetting::Device(path) => path.clone(),
     };
-    let kept = load(&shell.checkpoint());
+    let checkpoint = shell.checkpoint();
+    let kept = checkpoint.take_up(|saved| Checkpoint::from_bytes(&saved.state).ok_or("it is of another build"));
     let mut scans = shell.writer()?;
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
     }
     let session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, speed), kept);
-    let checkpoint = shell.checkpoint();
     let simulated = settings.pioneer.port == PortSetting::Simulator;
     let mut process =
         Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, unsaved: false, speed };
     Ok(shell.run(&mut process)?)
-}
-
-/// What an earlier process of this run kept. Damage is said and costs the continuity of the pose, no more.
-fn load(checkpoint: &bus::Checkpoint) -> Option<Checkpoint> {
-    match checkpoint.load() {
-        Ok(bytes) => bytes.as_deref().and_then(Checkpoint::from_bytes),
-        Err(error) => {
-            tracing::warn!("{error}");
-            None
-        }
-    }
 }
 
 struct Process {

@@ -35,13 +35,16 @@ impl<T> Cursor<T> {
     }
 
     fn peek(&mut self, read: impl Fn(&mut Log) -> Result<Option<Entry<T>>, LogError>) -> Result<Option<(u64, u64)>, LogError> {
-        if self.next.is_none() {
-            self.next = read(&mut self.log)?;
+        loop {
+            match &self.next {
+                Some(Entry::Message { seq, stamp_ns, .. }) => return Ok(Some((*seq, *stamp_ns))),
+                // A run that was stopped and started again goes on behind the end.
+                Some(Entry::End { .. }) | None => self.next = read(&mut self.log)?,
+            }
+            if self.next.is_none() {
+                return Ok(None);
+            }
         }
-        Ok(match &self.next {
-            Some(Entry::Message { seq, stamp_ns, .. }) => Some((*seq, *stamp_ns)),
-            Some(Entry::End { .. }) | None => None,
-        })
     }
 }
 

@@ -4,9 +4,7 @@ use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError};
 use drivelog::{Log, LogError};
-use messages::{
-    CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, ProcessState, Progress, Service, SonarScan,
-};
+use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
 use settings::{BuiltIn, Pace, Program, Settings};
 
 use crate::answers::{Answers, Consumer};
@@ -47,7 +45,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let membership = shell.membership();
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
-    let resume = load(&checkpoint);
+    let resume = checkpoint.take_up(|saved| Resume::from_bytes(&saved.state).ok_or("it is cut")).unwrap_or_default();
     if restarted {
         tracing::info!("goes on behind scan {}", resume.begin_behind()[0]);
     }
@@ -123,17 +121,6 @@ fn answers_frames(kind: BuiltIn, settings: &Settings) -> Option<bool> {
     }
 }
 
-/// What an earlier incarnation left.
-fn load(checkpoint: &Checkpoint) -> Resume {
-    match checkpoint.load() {
-        Ok(bytes) => bytes.as_deref().and_then(Resume::from_bytes).unwrap_or_default(),
-        Err(error) => {
-            tracing::warn!("{error}");
-            Resume::default()
-        }
-    }
-}
-
 struct Playback {
     lanes: Vec<Lane>,
     resume: Resume,
@@ -174,11 +161,9 @@ impl Playback {
                 lanes.for_each(|lane| lane.answers.answered(progress.process.as_str(), progress.answered));
             }
         }
-        let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
         while let Some(received) = self.statuses.take()? {
             if let Received::Message(status) = received {
-                let processes = status.processes.iter().take(status.count as usize);
-                for process in processes.filter(|it| over.contains(&it.state)) {
+                for process in status.processes().iter().filter(|it| it.is_over()) {
                     self.lanes.iter_mut().for_each(|lane| lane.answers.over(process.process.as_str()));
                 }
             }

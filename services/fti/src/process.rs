@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Shell, StepError, Writer};
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Saved, Shell, StepError, Writer};
 use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
 use serde::{Deserialize, Serialize};
-use settings::{Pace, Settings};
+use settings::{BuiltIn, Pace, Settings};
 
 use crate::{Fti, Input, Parameters, ParametersError, StateError};
 
@@ -43,9 +43,17 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
     let parameters = Parameters::of_settings(settings).at_speed(speed);
     let with_camera = parameters.camera.is_some();
     let checkpoint = shell.checkpoint();
-    let (fti, place, recent) = take_up(&checkpoint, parameters)?;
+    let restored = checkpoint.take_up(|saved| restore(parameters.clone(), saved));
+    let (fti, place, recent) = match restored {
+        Some(restored) => restored,
+        None => (Fti::new(parameters)?, Place::default(), Recent::default()),
+    };
+    if place.scan > 0 {
+        tracing::info!("goes on after scan {}", place.scan);
+    }
     let mut verdicts = shell.writer()?;
     recent.say_again(&mut verdicts)?;
+    shell.stay_for(settings.named(BuiltIn::Mapping));
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(place.scan);
     let mut sonar = shell.reader::<SonarMotion>()?;
@@ -306,27 +314,12 @@ impl Integration {
     }
 }
 
-/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Fti, Place, Recent<FilterVerdict>), ParametersError> {
-    let problem = match checkpoint.load() {
-        Ok(None) => None,
-        Ok(Some(bytes)) => match restore(parameters.clone(), &bytes) {
-            Ok(restored) => {
-                tracing::info!("goes on after scan {}", restored.1.scan);
-                return Ok(restored);
-            }
-            Err(error) => Some(format!("the state in the checkpoint: {error}")),
-        },
-        Err(error) => Some(error.to_string()),
-    };
-    if let Some(problem) = problem {
-        tracing::error!("begins anew: {problem}");
-    }
-    Ok((Fti::new(parameters)?, Place::default(), Recent::default()))
-}
-
-fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
-    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
+fn restore(parameters: Parameters, saved: &Saved) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
+    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(&saved.state)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    Ok((Fti::from_bytes(parameters, &state)?, place, recent))
+    let mut fti = Fti::from_bytes(parameters, &state)?;
+    if saved.before_a_stop {
+        fti.reopen();
+    }
+    Ok((fti, place, recent))
 }

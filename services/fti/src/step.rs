@@ -163,6 +163,11 @@ impl Fti {
         false
     }
 
+    /// Takes streams that had ended to go on: the deployment was stopped and started again.
+    pub fn reopen(&mut self) {
+        self.streams.reopen();
+    }
+
     /// Whether no more scans will come and every verdict has been given.
     #[must_use]
     pub fn is_over(&self) -> bool {

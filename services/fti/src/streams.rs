@@ -124,6 +124,10 @@ impl Streams {
         }
     }
 
+    pub(crate) fn reopen(&mut self) {
+        (self.scans_ended, self.sonar_ended, self.camera_ended) = (false, false, false);
+    }
+
     pub(crate) fn ended(&self) -> bool {
         self.scans_ended && self.scans.is_empty()
     }
@@ -206,5 +210,16 @@ mod tests {
         streams.take_in(Input::CameraEnded);
         streams.take_in(Input::SonarEnded);
         assert_eq!(next(&mut streams, Patience::Endless), Some((2, 0)));
+    }
+
+    #[test]
+    fn streams_that_had_ended_go_on_after_a_stop() {
+        let mut streams = Streams::default();
+        [Input::SonarEnded, Input::CameraEnded, Input::ScansEnded].into_iter().for_each(|end| streams.take_in(end));
+        assert!(streams.ended());
+        streams.reopen();
+        assert!(!streams.ended());
+        scan(&mut streams, 1);
+        assert_eq!(next(&mut streams, Patience::Endless), None, "the others may still answer");
     }
 }

@@ -1,10 +1,11 @@
 //! The injector as a process: between publishers and readers, and beside the processes that it disturbs.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError};
-use messages::{DeploymentStatus, ProcessState};
+use messages::{DeploymentStatus, ProcessStatus};
 use settings::{BuiltIn, Disturbance, Name, PlannedFault, RoutedService, Settings};
 
 use crate::line::Counts;
@@ -33,18 +34,17 @@ pub enum InjectorError {
 /// When the bus fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
     let checkpoint = shell.checkpoint();
-    let began_ns = load(&checkpoint);
+    let began_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(&saved.state))).unwrap_or_default();
     let mut relays = Vec::new();
     for service in settings.routed_services() {
         relays.push((service, relay::open(&mut shell, service, began_ns.get(place_of(service)).copied().filter(|began| *began > 0))?));
     }
     let membership = shell.membership();
-    let names = |kind| settings.process.iter().filter(move |it| it.runs(kind)).map(|it| it.name.as_str().to_owned());
     let mut injector = Injector {
         relays,
         timetable: Timetable::default(),
         statuses: Vec::new(),
-        bystanders: names(BuiltIn::Injector).chain(names(BuiltIn::Recorder)).chain(names(BuiltIn::Viewer)).collect(),
+        bystanders: [BuiltIn::Injector, BuiltIn::Recorder, BuiltIn::Viewer].into_iter().flat_map(|kind| settings.named(kind)).collect(),
         others_are_over: false,
         supervisor: std::os::unix::process::parent_id(),
         domain: membership.directory().to_owned(),
@@ -140,13 +140,12 @@ impl Injector {
     }
 
     fn listen(&mut self) -> Result<(), StepError> {
-        let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
         while let Some(received) = self.reader.as_mut().map_or(Ok(None), Reader::take)? {
             let Received::Message(status) = received else { continue };
-            let processes = status.processes.iter().take(status.count as usize);
+            let processes = status.processes().iter();
             self.statuses = processes.clone().map(|it| (it.process.as_str().to_owned(), it.pid)).collect();
             let mut others = processes.filter(|it| !self.bystanders.iter().any(|name| name == it.process.as_str()));
-            self.others_are_over = status.ending == 1 && others.all(|it| over.contains(&it.state));
+            self.others_are_over = status.ending == 1 && others.all(ProcessStatus::is_over);
         }
         Ok(())
     }
@@ -226,12 +225,6 @@ fn place_of(service: RoutedService) -> usize {
 }
 
 /// When the streams began, as an earlier incarnation saw it.
-fn load(checkpoint: &Checkpoint) -> Vec<u64> {
-    match checkpoint.load() {
-        Ok(bytes) => bytes.unwrap_or_default().chunks_exact(8).filter_map(|it| it.try_into().ok().map(u64::from_le_bytes)).collect(),
-        Err(error) => {
-            tracing::warn!("{error}");
-            Vec::new()
-        }
-    }
+fn numbers(bytes: &[u8]) -> Vec<u64> {
+    bytes.as_chunks().0.iter().map(|number| u64::from_le_bytes(*number)).collect()
 }

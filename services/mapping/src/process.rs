@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, CheckpointError, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
 use settings::{Pace, Settings};
 
@@ -83,9 +83,13 @@ impl Mapping {
         let speed = shell.membership().speed();
         let parameters = Parameters::new(&settings.mapping, settings.pace)?.waiting_for(settings.fti.patience_s.get(), speed);
         let checkpoint = shell.checkpoint();
-        let mapper = take_up(&checkpoint, parameters);
+        let restored = checkpoint.take_up(|saved| Mapper::restore(parameters.clone(), &saved.state));
+        let mapper = restored.unwrap_or_else(|| Mapper::new(parameters));
         let mut scans = shell.reader::<SonarScan>()?;
         let (last_seq, _) = mapper.last_scan();
+        if last_seq > 0 {
+            tracing::info!("goes on after scan {last_seq}");
+        }
         scans.skip_to(last_seq);
         let mut verdicts = None;
         if settings.mapping.expect_verdicts {
@@ -275,25 +279,5 @@ impl Process for Mapping {
             return Ok(Next::Finished);
         }
         Ok(next_look.map_or(Next::Wait, Next::WaitAtMost))
-    }
-}
-
-/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Mapper {
-    let restored = match checkpoint.load() {
-        Ok(None) => return Mapper::new(parameters),
-        Ok(Some(state)) => Mapper::restore(parameters.clone(), &state).map_err(|error| format!("the state in the checkpoint: {error}")),
-        Err(error @ (CheckpointError::Io { .. } | CheckpointError::Damaged { .. })) => Err(error.to_string()),
-    };
-    match restored {
-        Ok(mapper) => {
-            let (seq, _) = mapper.last_scan();
-            tracing::info!("goes on after scan {seq}");
-            mapper
-        }
-        Err(problem) => {
-            tracing::error!("starts with an empty map: {problem}");
-            Mapper::new(parameters)
-        }
     }
 }

@@ -25,6 +25,9 @@ pub(crate) enum Command {
         /// The settings file
         #[arg(value_name = "FILE")]
         settings: PathBuf,
+        /// Begins a new map; without it a robot's last run goes on. What there was is kept beside `state` in the folder of outputs
+        #[arg(long)]
+        fresh: bool,
         #[command(flatten)]
         options: RunOptions,
     },

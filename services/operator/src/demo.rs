@@ -1,7 +1,7 @@
 //! `stillmap demo`: the built-in deployment, so that the one file of the command is enough.
 
 use crate::cli::RunOptions;
-use crate::drive::{drive, place_output};
+use crate::drive::{drive, once, place_output};
 use crate::evaluate::conclude;
 use crate::exit::BadInput;
 use crate::output;
@@ -30,7 +30,7 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
     let speed = options.speed.unwrap_or(if options.open { WATCHED_SPEED } else { SPEED });
     tracing::info!("a simulated Pioneer 1 drives through a hall with people in it, {speed} times faster than a real one");
     tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
-    let code = drive(&settings, speed, options.open, bars)?;
+    let code = drive(&settings, &once(speed)?, options.open, bars)?;
     if code == 0 && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
         match conclude(&settings.out, &log) {

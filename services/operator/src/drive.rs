@@ -26,13 +26,17 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot make this folder: {error}", folder.display())).into())
 }
 
+/// How to run a deployment whose state nobody goes on from.
+pub(crate) fn once(speed: f64) -> anyhow::Result<Options> {
+    Ok(Options { speed, executable: std::env::current_exe()?, state: None, fresh: false })
+}
+
 /// Runs a deployment and says what came of it; the exit code. `open` to have a browser show its page.
-pub(crate) fn drive(settings: &Settings, speed: f64, open: bool, bars: &MultiProgress) -> anyhow::Result<u8> {
+pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &MultiProgress) -> anyhow::Result<u8> {
     let started = Instant::now();
-    let options = Options { speed, executable: std::env::current_exe()? };
     let mut progress = Progress::new(bars);
     let mut page = Page::of(settings, open);
-    let result = supervisor::run(settings, &options, &mut |report| {
+    let result = supervisor::run(settings, options, &mut |report| {
         if let Report::Status(status) = report {
             progress.show(status);
             page.look(status);

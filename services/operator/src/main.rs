@@ -25,8 +25,10 @@ mod top;
 use clap::Parser;
 use cli::{Cli, Command};
 use indicatif::MultiProgress;
+use settings::BuiltIn;
 use std::io::Write;
 use std::process::ExitCode;
+use supervisor::Options;
 
 fn main() -> ExitCode {
     let command = Cli::parse().command;
@@ -50,7 +52,7 @@ fn main() -> ExitCode {
 
 fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
     match command {
-        Command::Run { settings, options } => run(&settings, &options, bars),
+        Command::Run { settings, fresh, options } => run(&settings, fresh, &options, bars),
         Command::Demo { options, world } => demo::demo(&options, world.as_deref(), bars),
         Command::Replay { log, pace, options } => replay::replay(&log, pace, &options, bars),
         Command::Status { json, which } => status::status(json, &which),
@@ -73,11 +75,15 @@ fn carry_out(command: Command, bars: &MultiProgress) -> anyhow::Result<u8> {
     }
 }
 
-fn run(path: &std::path::Path, options: &cli::RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+fn run(path: &std::path::Path, fresh: bool, options: &cli::RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
     let mut settings = check::read(path)?;
     drive::place_output(&mut settings, options)?;
     tracing::info!("deployment {}: Ctrl-C ends it, and the map is written", settings.name);
-    drive::drive(&settings, options.speed.unwrap_or(1.0), options.open, bars)
+    // A simulated robot and a log begin at their beginning each time; a real robot is where it was.
+    let begins_anew = settings.runs(BuiltIn::Simulator) || settings.runs(BuiltIn::Playback);
+    let state = (!begins_anew).then(|| settings.out.join("state"));
+    let run = Options { state, fresh, ..drive::once(options.speed.unwrap_or(1.0))? };
+    drive::drive(&settings, &run, options.open, bars)
 }
 
 fn print(text: &str) -> anyhow::Result<u8> {

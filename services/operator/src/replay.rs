@@ -2,7 +2,7 @@
 
 use crate::cli::{Pace, RunOptions};
 use crate::demo::unique_name;
-use crate::drive::{drive, place_output};
+use crate::drive::{drive, once, place_output};
 use crate::exit::BadInput;
 use drivelog::{Entry, Log};
 use indicatif::MultiProgress;
@@ -21,7 +21,7 @@ pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiP
         Pace::Live => "at the pace of the drive",
     };
     tracing::info!("replaying {} {how}", log.display());
-    drive(&settings, options.speed.unwrap_or(1.0), options.open, bars)
+    drive(&settings, &once(options.speed.unwrap_or(1.0))?, options.open, bars)
 }
 
 /// The settings that a log was made with, if there is something in it to replay.

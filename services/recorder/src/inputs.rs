@@ -92,6 +92,14 @@ impl Inputs {
         Ok(Taken { more, scans: self.scans.taken - before.0, frames: frames - before.1 })
     }
 
+    /// Leaves out scans and frames up to these: they are in the log already.
+    pub(crate) fn skip_to(&mut self, scan: u64, frame: u64) {
+        self.scans.reader.skip_to(scan);
+        if let Some(frames) = &mut self.frames {
+            frames.reader.skip_to(frame);
+        }
+    }
+
     /// The last scan taken.
     pub(crate) fn last_scan(&self) -> u64 {
         self.scans.last_seq

@@ -1,12 +1,13 @@
 //! The recorder as a process: from the bus to the disk.
 
+use std::convert::Infallible;
 use std::io;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError};
 use drivelog::{Preamble, WriteError};
-use messages::{CameraFrame, DeploymentStatus, ProcessState, SonarScan};
+use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
 use settings::{Pace, Settings};
 
 use crate::description::{DescriptionError, describe};
@@ -57,9 +58,11 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     let tape = Tape::new(&preamble)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
-    let safe = Answered::from_bytes(&load(&checkpoint));
+    let safe = checkpoint.take_up(|saved| Ok::<_, Infallible>(Answered::from_bytes(&saved.state))).unwrap_or_default();
+    let mut inputs = Inputs::open(&mut shell, settings.recorder.pictures)?;
+    inputs.skip_to(safe.scan, safe.frame);
     let mut recorder = Recorder {
-        inputs: Inputs::open(&mut shell, settings.recorder.pictures)?,
+        inputs,
         tape,
         preamble,
         first_path: path,
@@ -97,17 +100,6 @@ impl Answered {
         let (numbers, _) = bytes.as_chunks::<8>();
         let number = |at: usize| numbers.get(at).map_or(0, |bytes| u64::from_le_bytes(*bytes));
         Self { scan: number(0), frame: number(1) }
-    }
-}
-
-/// What an earlier recorder of this run had in its file.
-fn load(checkpoint: &Checkpoint) -> Vec<u8> {
-    match checkpoint.load() {
-        Ok(bytes) => bytes.unwrap_or_default(),
-        Err(error) => {
-            tracing::warn!("{error}");
-            Vec::new()
-        }
     }
 }
 
@@ -263,7 +255,5 @@ impl Recorder {
 
 /// Whether the run ends and every process but this one is over.
 fn is_alone(name: &str, status: &DeploymentStatus) -> bool {
-    let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
-    let processes = status.processes.iter().take(status.count as usize);
-    status.ending == 1 && processes.filter(|it| it.process.as_str() != name).all(|it| over.contains(&it.state))
+    status.ending == 1 && status.processes().iter().filter(|it| it.process.as_str() != name).all(ProcessStatus::is_over)
 }

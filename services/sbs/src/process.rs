@@ -2,7 +2,7 @@
 
 use bus::{BusError, Checkpoint, Context, FrameReader, FrameWriter, Next, Process, Received, RunError, Shell, StepError, Writer};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
-use settings::{Compensation, Freedom, Pace};
+use settings::{BuiltIn, Compensation, Freedom, Pace};
 
 use crate::background::BackgroundRule;
 use crate::blobs::BlobRule;
@@ -37,6 +37,7 @@ pub enum SbsError {
 /// When the bus fails.
 pub fn run(mut shell: Shell, settings: &settings::Settings) -> Result<(), SbsError> {
     let mut subtraction = Subtraction::new(&mut shell, settings)?;
+    shell.stay_for(settings.named(BuiltIn::Fti));
     Ok(shell.run(&mut subtraction)?)
 }
 
@@ -119,9 +120,7 @@ impl Subtraction {
         let mut frames = shell.frame_reader()?;
         frames.skip_to(kept.place.seq);
         let mut motions: Writer<CameraMotion> = shell.writer()?;
-        for (place, motion) in &kept.recent {
-            motions.send(place.seq, place.stamp_ns, motion)?;
-        }
+        kept.recent.say_again(&mut motions)?;
         Ok(Self {
             checkpointed: kept.place.seq,
             kept,
@@ -197,7 +196,7 @@ impl Subtraction {
     fn send(&mut self, place: Place, motion: CameraMotion) -> Result<(), BusError> {
         self.motions.send(place.seq, place.stamp_ns, &motion)?;
         self.counts.answered += 1;
-        self.kept.answered(place, motion);
+        self.kept.answered(place, &motion);
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Shell, StepError, Writer};
 use messages::{SonarMotion, SonarScan};
 use serde::{Deserialize, Serialize};
-use settings::Settings;
+use settings::{BuiltIn, Settings};
 
 use crate::{Parameters, ParametersError, StateError, Std};
 
@@ -33,11 +33,19 @@ pub enum StdError {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let parameters = Parameters::of_settings(settings);
     let checkpoint = shell.checkpoint();
-    let (std, place, recent) = take_up(&checkpoint, parameters)?;
+    let restored = checkpoint.take_up(|saved| restore(parameters, &saved.state));
+    let (std, place, recent) = match restored {
+        Some(restored) => restored,
+        None => (Std::new(parameters)?, Place::default(), Recent::default()),
+    };
+    if place.seq > 0 {
+        tracing::info!("goes on after scan {}", place.seq);
+    }
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(place.seq);
     let mut motions = shell.writer()?;
     recent.say_again(&mut motions)?;
+    shell.stay_for(settings.named(BuiltIn::Fti));
     Ok(shell.run(&mut Difference {
         std,
         scans,
@@ -125,25 +133,6 @@ impl Difference {
         self.checkpointed = self.place.seq;
         Ok(())
     }
-}
-
-/// Goes on from the checkpoint when there is one; one that cannot be used is said and done without.
-fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Result<(Std, Place, Recent<SonarMotion>), ParametersError> {
-    let problem = match checkpoint.load() {
-        Ok(None) => None,
-        Ok(Some(bytes)) => match restore(parameters, &bytes) {
-            Ok(restored) => {
-                tracing::info!("goes on after scan {}", restored.1.seq);
-                return Ok(restored);
-            }
-            Err(error) => Some(format!("the state in the checkpoint: {error}")),
-        },
-        Err(error) => Some(error.to_string()),
-    };
-    if let Some(problem) = problem {
-        tracing::error!("begins anew: {problem}");
-    }
-    Ok((Std::new(parameters)?, Place::default(), Recent::default()))
 }
 
 fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Place, Recent<SonarMotion>), StateError> {

@@ -11,7 +11,7 @@ use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{DeploymentClock, Domain, Received};
+use bus::{DeploymentClock, Domain, Kept, Received};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
@@ -70,7 +70,12 @@ impl<'a> Supervisor<'a> {
         let text = settings.to_toml()?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
-        let mut domain = Domain::open_routed(settings.name.as_str(), options.speed, &routed)?;
+        let made_with = what_the_map_depends_on(settings)?;
+        let kept = options.state.as_deref().map(|folder| Kept { folder, made_with: &made_with, fresh: options.fresh });
+        let mut domain = Domain::open_with(settings.name.as_str(), options.speed, &routed, kept)?;
+        if domain.goes_on() {
+            tracing::info!("the last run goes on, with the map as it was; --fresh begins a new one");
+        }
         let settings_path = domain.directory().join("settings.toml");
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
         let ports = Some(Ports::open(&mut domain, clock)?);
@@ -293,6 +298,9 @@ impl<'a> Supervisor<'a> {
         let due = now >= self.sampled + SAMPLE;
         if due {
             self.sampled = now;
+            if let Err(error) = self.domain.note_time() {
+                tracing::debug!("{error}");
+            }
             for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
                 if let Some(child) = child {
                     vitals.sample(child.usage(), self.units, now);
@@ -340,6 +348,11 @@ impl<'a> Supervisor<'a> {
             }
         }
     }
+}
+
+/// The settings under which the state of a run can be gone on from: those of the robot, and of what is made of its readings.
+fn what_the_map_depends_on(settings: &Settings) -> Result<String, RunError> {
+    Ok(Settings { robot: settings.robot.clone(), mapping: settings.mapping.clone(), ..Settings::default() }.to_toml()?)
 }
 
 /// SIGINT, SIGTERM and SIGHUP as bytes to read.

@@ -13,6 +13,10 @@ pub struct Options {
     pub speed: f64,
     /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard()`].
     pub executable: PathBuf,
+    /// Where the state of the processes outlives the deployment, so that the next start goes on; nowhere when not given.
+    pub state: Option<PathBuf>,
+    /// What is there is put aside, and a new run begins.
+    pub fresh: bool,
 }
 
 /// What happens while a deployment runs.

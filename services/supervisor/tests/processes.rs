@@ -74,7 +74,7 @@ fn left_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn options() -> Options {
-    Options { speed: 1.0, executable: std::env::current_exe().unwrap() }
+    Options { speed: 1.0, executable: std::env::current_exe().unwrap(), state: None, fresh: false }
 }
 
 /// A deployment of children, in start order, of which the last ends the run.
@@ -232,7 +232,7 @@ fn child(behaviour: &str) -> ExitCode {
     let mut shell = Shell::join(membership).unwrap();
     if behaviour == "finds-broken-once" {
         let checkpoint = shell.checkpoint();
-        let kept = checkpoint.load().unwrap();
+        let kept = checkpoint.take_up(|saved| Ok::<_, String>(saved.state.clone()));
         assert_eq!(kept.is_some(), !first, "the checkpoints of the run outlive its bus");
         checkpoint.save(b"kept").unwrap();
     }

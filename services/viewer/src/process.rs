@@ -4,7 +4,7 @@ use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
-use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessState};
+use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessStatus};
 use serde::Serialize;
 use settings::{BuiltIn, Settings};
 use tungstenite::Message;
@@ -183,10 +183,8 @@ impl Viewer {
 
     /// Whether the run ends and everybody is over who has something to show.
     fn others_are_over(&self, status: &DeploymentStatus) -> bool {
-        let over = [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32);
-        let processes = status.processes.iter().take(status.count as usize);
-        let mut others = processes.filter(|it| self.others.iter().any(|name| name == it.process.as_str()));
-        status.ending == 1 && others.all(|it| over.contains(&it.state))
+        let mut others = status.processes().iter().filter(|it| self.others.iter().any(|name| name == it.process.as_str()));
+        status.ending == 1 && others.all(ProcessStatus::is_over)
     }
 
     /// Hands on to playback what browsers ask for.

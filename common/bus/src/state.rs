@@ -1,0 +1,228 @@
+//! Where the checkpoints of a run lie, and whether an earlier run goes on.
+//!
+//! Checkpoints that outlive the deployment lie in a folder beside its outputs, with a note of whose they are. A deployment that
+//! finds a note of its own goes on in that run, as if all of its processes had been killed at once. They go on together or not
+//! at all: a driver that began anew beside a map that did not would draw into it at another place.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::checkpoint::check;
+use crate::paths::{free_name, ignore_missing, make_private};
+
+/// The file of the note.
+const NOTE: &str = "run";
+/// What a note begins with.
+const MAGIC: &str = "stillmap run 1";
+
+/// Where checkpoints outlive the deployment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Kept<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// What they depend on, in words: a run goes on only where these are the same.
+    pub made_with: &'a str,
+    /// What is there is put aside, and a new run begins.
+    pub fresh: bool,
+}
+
+/// The checkpoints of a run.
+#[derive(Debug)]
+pub(crate) struct State {
+    folder: PathBuf,
+    note: Note,
+    outlives: bool,
+}
+
+/// Whose the checkpoints in a folder are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Note {
+    /// Name of the deployment.
+    name: String,
+    /// Checksum of what they depend on.
+    made_with: u32,
+    run: u64,
+    /// How many times the run was started before.
+    start: u32,
+    /// How late it was, on the deployment's clock, ns.
+    last_ns: u64,
+}
+
+impl State {
+    /// Checkpoints that go when the deployment does.
+    pub(crate) fn of_the_run(domain: &Path, run: u64) -> Self {
+        let note = Note { name: String::new(), made_with: 0, run, start: 0, last_ns: 0 };
+        Self { folder: domain.join("state"), note, outlives: false }
+    }
+
+    /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
+    pub(crate) fn take_up(kept: Kept<'_>, name: &str, new_run: u64) -> io::Result<Self> {
+        let folder = kept.folder.to_owned();
+        let mut note =
+            Note { name: name.to_owned(), made_with: crc32fast::hash(kept.made_with.as_bytes()), run: new_run, start: 0, last_ns: 0 };
+        match usable(kept, &note)? {
+            Found::Nothing => make_private(&folder)?,
+            Found::Run(last) => note = Note { start: last.start.saturating_add(1), ..last },
+            Found::Unusable(reason) => {
+                let aside = free_name(&folder);
+                std::fs::rename(&folder, &aside)?;
+                tracing::warn!("a new run begins: {reason}; what was in {} is kept as {}", folder.display(), aside.display());
+                make_private(&folder)?;
+            }
+        }
+        Ok(Self { folder, note, outlives: true })
+    }
+
+    /// Notes how late it is, where the next start will look.
+    pub(crate) fn note(&self, now_ns: u64) -> io::Result<()> {
+        if !self.outlives {
+            return Ok(());
+        }
+        let fresh = self.folder.join("run.fresh");
+        std::fs::write(&fresh, Note { last_ns: now_ns, ..self.note.clone() }.to_text())?;
+        std::fs::rename(&fresh, self.folder.join(NOTE))
+    }
+
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub(crate) fn run(&self) -> u64 {
+        self.note.run
+    }
+
+    /// How many times the run was started before.
+    pub(crate) fn start(&self) -> u32 {
+        self.note.start
+    }
+
+    /// When the last note before this start was taken, ns; 0 in a new run.
+    pub(crate) fn last_ns(&self) -> u64 {
+        self.note.last_ns
+    }
+}
+
+enum Found {
+    Nothing,
+    Run(Note),
+    Unusable(String),
+}
+
+fn usable(kept: Kept<'_>, expected: &Note) -> io::Result<Found> {
+    let folder = kept.folder;
+    let is_empty = match folder.read_dir() {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) => ignore_missing(Err(error)).map(|()| true)?,
+    };
+    if is_empty {
+        return Ok(Found::Nothing);
+    }
+    let note = match std::fs::read_to_string(folder.join(NOTE)) {
+        Ok(text) => Note::parse(&text),
+        Err(error) if [io::ErrorKind::NotFound, io::ErrorKind::InvalidData].contains(&error.kind()) => None,
+        Err(error) => return Err(error),
+    };
+    let Some(note) = note else { return Ok(Found::Unusable(format!("{} is no note of a run", folder.join(NOTE).display()))) };
+    let reason = if kept.fresh {
+        "that was asked for".to_owned()
+    } else if note.name != expected.name {
+        format!("the last one was of deployment {}", note.name)
+    } else if note.made_with != expected.made_with {
+        "the map of the last one was made with other settings of [robot] or [mapping]".to_owned()
+    } else {
+        match damage(folder, note.run)? {
+            None => return Ok(Found::Run(note)),
+            Some(damage) => damage,
+        }
+    };
+    Ok(Found::Unusable(reason))
+}
+
+/// What is wrong with the checkpoints of a run, if anything is.
+fn damage(folder: &Path, run: u64) -> io::Result<Option<String>> {
+    for entry in folder.read_dir()? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == "checkpoint")
+            && let Err(reason) = check(&std::fs::read(&path)?, run)
+        {
+            return Ok(Some(format!("{} is no checkpoint of the last one ({reason})", path.display())));
+        }
+    }
+    Ok(None)
+}
+
+impl Note {
+    fn to_text(&self) -> String {
+        let Self { name, made_with, run, start, last_ns } = self;
+        format!("{MAGIC}\n{name}\n{made_with:08x}\n{run:016x}\n{start}\n{last_ns}\n")
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let mut lines = text.lines();
+        if lines.next()? != MAGIC {
+            return None;
+        }
+        let name = lines.next()?.to_owned();
+        let made_with = u32::from_str_radix(lines.next()?, 16).ok()?;
+        let run = u64::from_str_radix(lines.next()?, 16).ok()?;
+        let note = Self { name, made_with, run, start: lines.next()?.parse().ok()?, last_ns: lines.next()?.parse().ok()? };
+        lines.next().is_none().then_some(note)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::checkpoint::Checkpoint;
+
+    fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> State {
+        let state = State::take_up(Kept { folder, made_with, fresh }, name, run).expect("taken up");
+        state.note(1_000 * (run + 1)).expect("noted");
+        Checkpoint::new(folder, "mapping", state.run(), state.start()).save(b"map").expect("saved");
+        state
+    }
+
+    #[test]
+    fn a_run_goes_on_from_start_to_start() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let starts = [7, 8, 9].map(|run| begin(&folder, "robot", "cells of 0.1 m", false, run));
+        let found = starts.each_ref().map(|state| (state.run(), state.start(), state.last_ns()));
+        assert_eq!(found, [(7, 0, 0), (7, 1, 8_000), (7, 2, 9_000)]);
+        assert_eq!(out.path().read_dir().expect("readable").count(), 1, "nothing is put aside");
+    }
+
+    #[test]
+    fn what_is_anothers_or_damaged_or_not_wanted_is_put_aside_as_a_whole() {
+        type Deed = fn(&Path);
+        let cases: [(&str, &str, bool, Deed); 6] = [
+            ("robot", "cells of 0.1 m", true, |_| ()),
+            ("other", "cells of 0.1 m", false, |_| ()),
+            ("robot", "cells of 0.2 m", false, |_| ()),
+            ("robot", "cells of 0.1 m", false, |folder| std::fs::write(folder.join("std.checkpoint"), b"none").expect("written")),
+            ("robot", "cells of 0.1 m", false, |folder| std::fs::write(folder.join(NOTE), [0xff, 0x00]).expect("written")),
+            ("robot", "cells of 0.1 m", false, |folder| std::fs::remove_file(folder.join(NOTE)).expect("removed")),
+        ];
+        for (at, (name, made_with, fresh, deed)) in cases.into_iter().enumerate() {
+            let out = tempfile::tempdir().expect("a folder");
+            let folder = out.path().join("state");
+            for times in 1..=2 {
+                begin(&folder, "robot", "cells of 0.1 m", true, 7);
+                deed(&folder);
+                let new = begin(&folder, name, made_with, fresh, 8);
+                assert_eq!((new.run(), new.start(), new.last_ns()), (8, 0, 0), "case {at}");
+                assert!(out.path().join(format!("state-{times}/mapping.checkpoint")).exists(), "case {at}: what was there is kept");
+                std::fs::remove_dir_all(&folder).expect("removed");
+            }
+        }
+    }
+
+    #[test]
+    fn a_note_is_read_as_it_was_written_and_not_when_it_is_cut() {
+        let note = Note { name: "robot".into(), made_with: 5, run: 0xfeed, start: 3, last_ns: 99 };
+        let text = note.to_text();
+        assert_eq!(Note::parse(&text), Some(note));
+        assert!((0..text.len() - 1).all(|end| Note::parse(&text[..end]).is_none_or(|cut| cut.last_ns != 99)));
+        assert_eq!(Note::parse(&format!("{text}more\n")), None);
+    }
+}
