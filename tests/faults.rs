@@ -1,15 +1,14 @@
-//! Faults on whole deployments: kills at chosen moments, disturbed messages, processes that hang, crash or find a full disk.
+//! Faults on whole deployments: disturbed messages, processes that hang, crash or find a full disk.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod harness;
 
 use std::collections::HashMap;
-use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use harness::replays::{Watched, children, record_drive, replay_settings, sha256_of, try_kill};
+use harness::replays::{Watched, children, record_drive, replay_settings, sha256_of};
 use harness::{Bench, Run, text};
 
 /// A test that waits for longer than this for a moment to come has missed it.
@@ -23,116 +22,6 @@ static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
     let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
     (bench, log, map)
 });
-
-/// When a process is killed.
-#[derive(Debug, Clone, Copy)]
-enum Moment {
-    /// As soon as it is there.
-    Starting,
-    /// Once everybody works.
-    Steady,
-    /// While messages wait for it that it has not taken.
-    HoldingSamples,
-    /// While it writes a checkpoint, or as soon as it has.
-    WritingACheckpoint,
-    /// When the run ends.
-    ShuttingDown,
-}
-
-const MOMENTS: [Moment; 5] = [Moment::Starting, Moment::Steady, Moment::HoldingSamples, Moment::WritingACheckpoint, Moment::ShuttingDown];
-
-/// Replays the drive once for each moment, kills the process then, and compares the map.
-#[track_caller]
-fn leaves_the_map_as_it_is(process: &str) {
-    let (_, log, undisturbed) = &*DRIVE;
-    for moment in MOMENTS {
-        // STD is over as soon as the scans are: nobody tells before.
-        if process == "std" && matches!(moment, Moment::ShuttingDown) {
-            continue;
-        }
-        let bench = Bench::new();
-        let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
-        let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
-        let state = bench.runtime().join("replay/state");
-        match moment {
-            Moment::Starting => {}
-            Moment::Steady => drop(run.wait_for_line("playback   is up")),
-            Moment::HoldingSamples => {
-                drop(run.wait_for_line("playback   is up"));
-                let pid = pid_of(run.pid(), process);
-                harness::signal(pid, rustix::process::Signal::STOP);
-                // Lockstep stands when the window is full; whoever does not read has messages waiting then.
-                let played = |it: &serde_json::Value| process == "playback" || it["counters"]["scans played"].as_u64() > Some(0);
-                drop(bench.wait_for("playback", "it has played", played));
-            }
-            Moment::WritingACheckpoint => {
-                let (fresh, kept) = (state.join(format!("{process}.fresh")), state.join(format!("{process}.checkpoint")));
-                let inode = || std::fs::metadata(&kept).ok().map(|it| it.ino());
-                let (since, before) = (Instant::now(), inode());
-                while !fresh.exists() && inode() == before {
-                    assert!(since.elapsed() < MISSED, "{process} writes no checkpoint");
-                    std::hint::spin_loop();
-                }
-            }
-            // Who ends one after the other when the scans have.
-            Moment::ShuttingDown => drop(run.wait_for_line(match process {
-                "fti" => "std        finished",
-                "mapping" => "fti        finished",
-                "playback" => "mapping    finished",
-                _ => "the drive has ended",
-            })),
-        }
-        // At the end it may be over already.
-        let there = children(run.pid()).into_iter().find(|(name, _)| name == process);
-        let killed = match (moment, there) {
-            (Moment::ShuttingDown, None) => false,
-            (_, Some((_, pid))) => try_kill(pid),
-            (_, None) => try_kill(pid_of(run.pid(), process)),
-        };
-        assert!(killed || matches!(moment, Moment::ShuttingDown), "{process} was not there to be killed {moment:?}");
-        let ended = run.end();
-        assert_eq!(&sha256_of(&ended), undisturbed, "{process} killed {moment:?}:\n{}", ended.2);
-        if killed {
-            assert!(ended.1.contains(&format!("{process} once")) || matches!(moment, Moment::ShuttingDown), "{}", ended.1);
-        }
-    }
-}
-
-fn pid_of(supervisor: u32, process: &str) -> u64 {
-    let since = Instant::now();
-    loop {
-        if let Some((_, pid)) = children(supervisor).into_iter().find(|(name, _)| name == process) {
-            return pid;
-        }
-        assert!(since.elapsed() < MISSED, "{process} is not there");
-        std::thread::yield_now();
-    }
-}
-
-#[test]
-fn mapping_killed_at_any_moment() {
-    leaves_the_map_as_it_is("mapping");
-}
-
-#[test]
-fn std_killed_at_any_moment() {
-    leaves_the_map_as_it_is("std");
-}
-
-#[test]
-fn fti_killed_at_any_moment() {
-    leaves_the_map_as_it_is("fti");
-}
-
-#[test]
-fn playback_killed_at_any_moment() {
-    leaves_the_map_as_it_is("playback");
-}
-
-#[test]
-fn recorder_killed_at_any_moment() {
-    leaves_the_map_as_it_is("recorder");
-}
 
 const INJECTOR: &str = "[[process]]\nname = \"injector\"\nrun = \"injector\"\n";
 

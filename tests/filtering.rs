@@ -9,12 +9,14 @@ use serde_json::Value;
 const DEMO: &str = include_str!("../config/demo.toml");
 const HALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/hall.toml");
 
-/// The demo's deployment, with camera motion made from the truth: a busy machine skips pictures, and then less is seen to move.
+/// The demo's deployment, with camera motion made from the truth and with patience. What a busy machine delays changes nothing
+/// then: no picture is skipped, and no verdict is given before everything is there that it rests on.
 fn start(bench: &Bench) -> Run {
     let changes = [
         ("worlds/hall.toml", HALL),
         ("../demo-out", bench.path("out").to_str().unwrap()),
         ("provides = \"pictures\"", "provides = \"motion\""),
+        ("expect_camera = true", "patience_s = 10\nexpect_camera = true"),
         ("[[process]]\nname = \"sbs\"          # what moves, as the camera sees it\nrun = \"sbs\"\n", ""),
         ("[[process]]\nname = \"viewer\"       # the live page for a browser; the run does not depend on it\nrun = \"viewer\"\n", ""),
     ]
@@ -42,7 +44,7 @@ fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
     let figures = evaluated(&bench);
     let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
     assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
-    assert!(share("ghosts_removed") > 0.4 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
     assert_eq!(figures["runs"][0]["ghosts_removed"], figures["ghosts_removed"]);
     let replay = |out: &str| {
         let log = bench.path("out").join("drive.mcap");
@@ -62,7 +64,7 @@ fn filters_after_the_kill_of(process: &str) {
     bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
     map_sha256(&run.end());
     let removed = evaluated(&bench)["ghosts_removed"].as_f64();
-    assert!(removed > Some(0.3), "{removed:?} of the ghosts removed");
+    assert!(removed > Some(0.5), "{removed:?} of the ghosts removed");
 }
 
 #[test]

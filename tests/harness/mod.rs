@@ -1,6 +1,7 @@
 //! What the tests of whole deployments share: a runtime folder of their own, the command, its status, its map.
 #![allow(dead_code, reason = "each test uses its part")]
 
+pub(crate) mod cork;
 pub(crate) mod replays;
 
 use std::io::Read;

@@ -1,0 +1,215 @@
+//! kill -9 of every process of a replay in lockstep, at every kind of moment: the map is the same, byte for byte.
+//!
+//! Each moment is made, not waited for by luck: who is to be killed or who it waits for is stopped, or stands in the middle of a
+//! file that is a pipe.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod harness;
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+
+use harness::cork::Cork;
+use harness::replays::{Watched, children, sha256_of, try_kill};
+use harness::{Bench, signal};
+use rustix::process::Signal;
+
+const WORLD: &str = include_str!("../config/worlds/corridor.toml");
+/// A test that waits for longer than this for a moment to come has missed it.
+const MISSED: Duration = Duration::from_secs(120);
+
+/// What is the same in the recorded drive and in its replays.
+const ROBOT: &str = "[robot]\nmodel = \"pioneer-1\"\nrange_limit_m = 3.0\nodometry_modulus = 32768\n";
+
+/// One recorded drive for all tests, and the map of its undisturbed replay.
+static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
+    let bench = Bench::new();
+    // Only the first of its ways: a few hundred scans and pictures.
+    let (head, rest) = WORLD.split_once("[[robot.way]]").unwrap();
+    let (way, rest) = rest.split_once("[[robot.way]]").unwrap();
+    let world = bench.write("world.toml", &format!("{head}[[robot.way]]{way}{}", &rest[rest.find("[[wall]]").unwrap()..]));
+    let processes = processes(&["recorder", "simulator", "pioneer"]);
+    let settings = format!(
+        "name = \"drive\"\nout = \"drive-out\"\n{processes}{ROBOT}[pioneer]\nport = \"simulator\"\n\
+         [simulator]\nworld = {world:?}\n[simulator.camera]\nprovides = \"pictures\"\n"
+    );
+    let settings = bench.write("drive.toml", &settings);
+    let driven = bench.output(["run", settings.to_str().unwrap(), "--speed", "5"]);
+    assert_eq!(driven.status.code(), Some(0), "{}", harness::text(&driven.stderr));
+    let log = bench.path("drive-out").join("drive.mcap");
+    let map = sha256_of(&replay(&bench, &log).end());
+    (bench, log, map)
+});
+
+fn processes(kinds: &[&str]) -> String {
+    kinds.iter().map(|kind| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n")).collect()
+}
+
+/// Every process that a replay can have.
+fn replay(bench: &Bench, log: &std::path::Path) -> Watched {
+    let processes = processes(&["recorder", "mapping", "fti", "std", "sbs", "injector", "viewer", "playback"]);
+    let settings = format!(
+        "name = \"replay\"\npace = \"lockstep\"\nout = \"replay-out\"\n{processes}{ROBOT}\
+         [mapping]\nexpect_verdicts = true\nkeep_unfiltered = true\n[playback]\nlog = {log:?}\nwindow = 16\n\
+         [injector]\nservices = [\"robot/scan\", \"motion/sonar\", \"motion/camera\", \"map/verdict\"]\n\
+         [supervisor]\nrestarts = 1000\nwithin_s = 1.0\nbackoff_first_s = 0.001\nbackoff_last_s = 0.01\n\
+         startup_deadline_s = 60.0\nheartbeat_timeout_s = 60.0\nstop_deadline_s = 60.0\n"
+    );
+    let settings = bench.write("replay.toml", &settings);
+    Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]))
+}
+
+/// When a process is killed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Moment {
+    /// As soon as it is there.
+    Starting,
+    /// Once everybody works.
+    Steady,
+    /// While messages wait for it that it has not taken.
+    HoldingSamples,
+    /// In the middle of writing a checkpoint, with a part of it in the file.
+    WritingACheckpoint,
+    /// When it has done its work.
+    ShuttingDown,
+}
+
+const MOMENTS: [Moment; 5] = [Moment::Starting, Moment::Steady, Moment::HoldingSamples, Moment::WritingACheckpoint, Moment::ShuttingDown];
+
+/// Replays the drive once for each moment, kills the process then, and compares the map.
+#[track_caller]
+fn leaves_the_map_as_it_is(process: &str) {
+    let (_, log, undisturbed) = &*DRIVE;
+    for moment in MOMENTS {
+        // Whoever watches keeps nothing.
+        if process == "viewer" && moment == Moment::WritingACheckpoint {
+            continue;
+        }
+        let bench = Bench::new();
+        let mut run = replay(&bench, log);
+        let killed = match moment {
+            Moment::Starting => try_kill(pid_of(&run, process)),
+            Moment::Steady => {
+                drop(run.wait_for_line("playback   is up"));
+                try_kill(pid_of(&run, process))
+            }
+            Moment::HoldingSamples => kill_with_full_hands(&bench, &mut run, process),
+            Moment::WritingACheckpoint => kill_in_the_middle_of_a_checkpoint(&bench, &mut run, process),
+            Moment::ShuttingDown => kill_at_the_end(&bench, &mut run, process),
+        };
+        let ended = run.end_or(|| harness::text(&bench.output(["status", "--json"]).stdout));
+        assert_eq!(&sha256_of(&ended), undisturbed, "{process} killed {moment:?}:\n{}", ended.2);
+        // Those who end last may have ended by themselves.
+        let may_be_gone = moment == Moment::ShuttingDown && ["recorder", "injector", "viewer"].contains(&process);
+        assert!(killed || may_be_gone, "{process} was not there to be killed {moment:?}");
+        assert!(may_be_gone || ended.1.contains(&format!("{process} once")), "{process} killed {moment:?}: {}", ended.1);
+    }
+}
+
+/// Stops it when it works; lockstep stands when the window is full, and whoever does not read has messages waiting then.
+fn kill_with_full_hands(bench: &Bench, run: &mut Watched, process: &str) -> bool {
+    drop(run.wait_for_line("playback   is up"));
+    let pid = pid_of(run, process);
+    signal(pid, Signal::STOP);
+    let played = |it: &serde_json::Value| process == "playback" || it["counters"]["scans played"].as_u64() > Some(0);
+    drop(bench.wait_for("playback", "it has played", played));
+    try_kill(pid)
+}
+
+fn kill_in_the_middle_of_a_checkpoint(bench: &Bench, run: &mut Watched, process: &str) -> bool {
+    // The first process is up, the source of all messages is not.
+    drop(run.wait_for_line("recorder   is up"));
+    let small = ["recorder", "playback", "injector"].contains(&process);
+    let cork = Cork::put(&bench.runtime().join(format!("replay/state/{process}.fresh")), small);
+    let pid = pid_of(run, process);
+    wait_until("a checkpoint is begun", || cork.holds(pid));
+    // It must not start again before its file is as the kill left it.
+    signal(run.pid().into(), Signal::STOP);
+    let killed = try_kill(pid);
+    cork.leave_what_was_written();
+    signal(run.pid().into(), Signal::CONT);
+    killed
+}
+
+/// While the supervisor is stopped nobody hears who is over: whoever is needed by others stays when it has done its work.
+fn kill_at_the_end(bench: &Bench, run: &mut Watched, process: &str) -> bool {
+    drop(run.wait_for_line("playback   is up"));
+    match process {
+        "mapping" => {
+            let pid = pid_of(run, "mapping");
+            let cork = Cork::put(&bench.path("replay-out").join(format!("map.{pid}.fresh")), false);
+            wait_until("the map is being written", || cork.holds(pid));
+            let killed = try_kill(pid);
+            cork.leave_what_was_written();
+            killed
+        }
+        "recorder" | "injector" | "viewer" => {
+            drop(run.wait_for_line("playback   finished"));
+            let there = children(run.pid()).into_iter().find(|(name, _)| name == process);
+            there.is_some_and(|(_, pid)| try_kill(pid))
+        }
+        _ => {
+            signal(run.pid().into(), Signal::STOP);
+            wait_until("the map is finished", || children(run.pid()).iter().all(|(name, _)| name != "mapping"));
+            let killed = try_kill(pid_of(run, process));
+            signal(run.pid().into(), Signal::CONT);
+            killed
+        }
+    }
+}
+
+#[track_caller]
+fn wait_until(what: &str, wanted: impl Fn() -> bool) {
+    let since = Instant::now();
+    while !wanted() {
+        assert!(since.elapsed() < MISSED, "never: {what}");
+        std::thread::yield_now();
+    }
+}
+
+fn pid_of(run: &Watched, process: &str) -> u64 {
+    let find = || children(run.pid()).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid);
+    wait_until(&format!("{process} is there"), || find().is_some());
+    find().unwrap()
+}
+
+#[test]
+fn mapping_killed_at_any_moment() {
+    leaves_the_map_as_it_is("mapping");
+}
+
+#[test]
+fn std_killed_at_any_moment() {
+    leaves_the_map_as_it_is("std");
+}
+
+#[test]
+fn fti_killed_at_any_moment() {
+    leaves_the_map_as_it_is("fti");
+}
+
+#[test]
+fn sbs_killed_at_any_moment() {
+    leaves_the_map_as_it_is("sbs");
+}
+
+#[test]
+fn playback_killed_at_any_moment() {
+    leaves_the_map_as_it_is("playback");
+}
+
+#[test]
+fn recorder_killed_at_any_moment() {
+    leaves_the_map_as_it_is("recorder");
+}
+
+#[test]
+fn injector_killed_at_any_moment() {
+    leaves_the_map_as_it_is("injector");
+}
+
+#[test]
+fn viewer_killed_at_any_moment() {
+    leaves_the_map_as_it_is("viewer");
+}
