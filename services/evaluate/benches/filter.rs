@@ -1,0 +1,53 @@
+//! Time that STD and FTI take for a drive through the hall with three and with twelve walkers, and that FTI takes to say the
+//! verdicts to come after each scan, beside it.
+#![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use fti::{Fti, Input};
+use messages::SonarMotion;
+use settings::Settings;
+use simulator::blobs::Failings;
+use simulator::{Body, Optics};
+use stillmap_evaluate::{Drive, Eyes, Filter, Variation, filter, read_world};
+
+const HALL: &str = include_str!("../../../config/worlds/hall.toml");
+
+fn drive(walkers: usize) -> Drive {
+    let world = read_world(HALL, Variation { walkers: Some(walkers), seed: 1, stand_s: None }).unwrap();
+    let settings = Settings::default();
+    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: Failings::default() };
+    Drive::through(&world, &Body::of_settings(&settings.robot), settings.robot.range_limit_m.get(), Some(&eyes), 1)
+}
+
+fn drives(c: &mut Criterion) {
+    let run = Filter { std: stillmap_std::Parameters::default(), fti: fti::Parameters::default() };
+    let mut group = c.benchmark_group("a scan");
+    group.sample_size(10);
+    for walkers in [3, 12] {
+        let drive = drive(walkers);
+        group.throughput(Throughput::Elements(drive.scans.len() as u64));
+        group.bench_function(format!("STD and FTI, {walkers} walkers"), |bencher| {
+            bencher.iter(|| filter(black_box(&drive), &run).unwrap());
+        });
+    }
+    group.finish();
+}
+
+fn outlook(c: &mut Criterion) {
+    let drive = drive(3);
+    let mut fti = Fti::new(fti::Parameters::default()).unwrap();
+    let mut frames = drive.frames.iter().peekable();
+    for scan in drive.scans.iter().take(300) {
+        while let Some(frame) = frames.next_if(|frame| frame.stamp_ns <= scan.stamp_ns) {
+            fti.step(Input::Camera { stamp_ns: frame.stamp_ns, motion: &frame.motion });
+        }
+        fti.step(Input::Scan { seq: scan.seq, stamp_ns: scan.stamp_ns, scan: &scan.scan });
+        fti.step(Input::Sonar { seq: scan.seq, motion: &SonarMotion::default() });
+    }
+    c.bench_function("the verdicts to come, after a scan", |bencher| bencher.iter(|| black_box(fti.outlook())));
+}
+
+criterion_group!(benches, drives, outlook);
+criterion_main!(benches);
