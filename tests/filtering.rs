@@ -86,6 +86,11 @@ fn worlds_are_swept_and_what_is_none_is_refused() {
         report["runs"].as_array().unwrap().iter().map(|run| (run["walkers"].as_u64().unwrap(), run["seed"].as_u64().unwrap())).collect();
     assert_eq!(runs, [(0, 1), (0, 2), (3, 1), (3, 2)]);
     assert_eq!((report["runs"][0]["ghosts_before"].as_u64(), report["runs"][2]["ghosts_before"].as_u64() > Some(0)), (Some(0), true));
+    let nobody = HALL.replace("hall.toml", "corridor-empty.toml");
+    let output = bench.output(["evaluate", "--world", &nobody, HALL, "--seeds", "1..1", "--walkers", "1,3", "--json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let walkers: Vec<_> = report["runs"].as_array().unwrap().iter().map(|run| run["walkers"].as_u64()).collect();
+    assert_eq!(walkers, [Some(0), Some(1), Some(3)], "where nobody walks there is nobody to make more of");
     let world = bench.write("world.toml", "[robot]\nstart_m = [0, 0]\nway = 7\n");
     let refused = bench.output(["evaluate", "--world", world.to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(2));

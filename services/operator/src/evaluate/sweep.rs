@@ -13,6 +13,14 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// A world as its file has it.
+struct World {
+    name: String,
+    text: String,
+    /// Nobody walks there.
+    empty: bool,
+}
+
 /// One drive to make.
 struct Task<'a> {
     name: &'a str,
@@ -29,8 +37,10 @@ pub(super) fn sweep(options: &DriveOptions, bars: &MultiProgress) -> anyhow::Res
     let walkers: Vec<Option<u32>> =
         if options.walkers.is_empty() { vec![None] } else { options.walkers.iter().copied().map(Some).collect() };
     let mut tasks = Vec::new();
-    for (name, text) in &worlds {
-        for &walkers in &walkers {
+    for World { name, text, empty } in &worlds {
+        // Where nobody walks there is nobody to make more of: it shows what walls cost for nothing.
+        let walkers = if *empty { &[Some(0)][..] } else { &walkers };
+        for &walkers in walkers {
             tasks.extend((options.seeds.first..=options.seeds.last).map(|seed| Task { name, text, seed, walkers }));
         }
     }
@@ -63,11 +73,11 @@ fn sections(options: &DriveOptions) -> anyhow::Result<Settings> {
     Ok(settings)
 }
 
-fn read(path: &Path) -> anyhow::Result<(String, String)> {
+fn read(path: &Path) -> anyhow::Result<World> {
     let name = path.display().to_string();
     let text = settings::read_text(path)?;
-    simulator::World::parse(&name, &text)?;
-    Ok((name, text))
+    let empty = simulator::World::parse(&name, &text)?.walkers.is_empty();
+    Ok(World { name, text, empty })
 }
 
 fn drive(task: &Task<'_>, settings: &Settings, options: &DriveOptions) -> anyhow::Result<Row> {
