@@ -126,7 +126,7 @@ fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
         ])
     );
     let run = live(&bench, &more, "restarts = 3\nheartbeat_timeout_s = 1.0\nstop_deadline_s = 2.0");
-    drop(bench.wait_for("std", "it hung and is back", |it| it["restarts"] == 1 && it["state"] == "running"));
+    drop(bench.wait_for("std", "it hung and is back", |it| it["restarts"].as_u64() >= Some(1) && it["state"] == "running"));
     let fti = bench.wait_for("fti", "it has failed", |it| it["state"] == "failed");
     assert!(fti["note"].as_str().unwrap().contains("3 restarts in"), "{fti}");
     let ended = run.end();
