@@ -33,10 +33,12 @@ fn can_mount() -> bool {
     can
 }
 
-/// A run with a file system of this size, mount(8)'s way to say it, in place of a folder. What it holds at the end is copied beside it.
+/// A run with a file system of this size, mount(8)'s way to say it, in place of a folder. What it holds at the end is copied into the folder
+/// beside it whose name ends with `.kept`, if there is one.
 fn on_a_small_disk(bench: &Bench, folder: &Path, size: &str, arguments: &[&str]) -> Watched {
-    let script = "folder=$1; shift; mount -t tmpfs -o size=$1,mode=1777 none \"$folder\" || exit 99; shift; \"$0\" \"$@\" & trap 'kill -TERM $!' TERM
-        wait $!; code=$?; case $folder in /dev/*) ;; *) cp -r \"$folder\" \"$folder.kept\";; esac; exit $code";
+    let script =
+        "folder=$1; shift; mount -t tmpfs -o size=$1,mode=700 none \"$folder\" || exit 99; shift; \"$0\" \"$@\" & trap 'kill -TERM $!' TERM
+        wait $!; code=$?; [ ! -d \"$folder.kept\" ] || cp -r \"$folder/.\" \"$folder.kept\"; exit $code";
     let command = bench.stillmap(arguments);
     let mut small = bench.stillmap_by("unshare");
     small.args(["-m", "sh", "-c", script]).arg(command.get_program()).arg(folder).arg(size).args(command.get_args());
@@ -76,6 +78,25 @@ fn shared_memory_that_is_used_up_kills_whoever_writes_and_the_map_does_not_notic
 }
 
 #[test]
+fn a_disk_that_takes_no_checkpoint_ends_nobody() {
+    if !can_mount() {
+        return;
+    }
+    let (_, log, undisturbed) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
+    let state = bench.runtime().to_owned();
+    let mut run = on_a_small_disk(&bench, &state, "4m", &["run", settings.to_str().unwrap()]);
+    drop(run.wait_for_line("playback   is up"));
+    drop(fill(&within(&run, &state)));
+    let said = run.wait_for_line("goes on from an older state");
+    assert!(said.contains(".checkpoint: No space left on device"), "{said}");
+    let ended = run.end();
+    assert_eq!(&sha256_of(&ended), undisturbed, "{}", ended.2);
+    assert!(!ended.1.contains("restarted"), "{}", ended.1);
+}
+
+#[test]
 fn without_enough_shared_memory_nothing_starts() {
     if !can_mount() {
         return;
@@ -97,7 +118,10 @@ fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_fil
     let bench = Bench::new();
     let settings = bench.write("replay.toml", &replay_settings("replay", log, "").replace("\"lockstep\"", "\"live\""));
     let out = bench.path("replay-out");
-    fs::create_dir(&out).unwrap();
+    let kept = bench.path("replay-out.kept");
+    for folder in [&out, &kept] {
+        fs::create_dir(folder).unwrap();
+    }
     let mut run = on_a_small_disk(&bench, &out, "256k", &["run", settings.to_str().unwrap(), "--speed", "10"]);
     let said = run.wait_for_line("the disk is full");
     assert!(said.contains("drive.mcap") && said.contains("what comes is not recorded until it can be"), "{said}");
@@ -108,7 +132,6 @@ fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_fil
     let (code, stdout, stderr) = run.end();
     assert_eq!(code, Some(0), "{stdout}{stderr}");
     assert!(!stdout.contains("restarted") && stdout.contains("map sha256"), "{stdout}");
-    let kept = bench.path("replay-out.kept");
     for file in ["drive.mcap", "drive.2.mcap"] {
         let alone = bench.path("alone.mcap");
         fs::copy(kept.join(file), &alone).unwrap();

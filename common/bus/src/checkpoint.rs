@@ -1,5 +1,6 @@
 //! The state of a process in a file: written whole or not at all, checked when read.
 
+use core::cell::Cell;
 use core::fmt::Display;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -15,6 +16,8 @@ pub struct Checkpoint {
     path: PathBuf,
     run: u64,
     start: u32,
+    /// The file system refuses, and that has been said.
+    refused: Cell<bool>,
 }
 
 /// What an earlier incarnation has kept.
@@ -39,7 +42,7 @@ pub struct CheckpointError {
 impl Checkpoint {
     /// The checkpoint of a process in a folder of checkpoints, in a run that has been started `start` times before.
     pub(crate) fn new(folder: &Path, process: &str, run: u64, start: u32) -> Self {
-        Self { path: folder.join(format!("{process}.checkpoint")), run, start }
+        Self { path: folder.join(format!("{process}.checkpoint")), run, start, refused: Cell::new(false) }
     }
 
     /// What `restore` makes of what an earlier incarnation kept. `None` where there is nothing, or nothing that can be used: that
@@ -73,19 +76,38 @@ impl Checkpoint {
         self.write(state).map_err(|source| CheckpointError { path: self.path.clone(), source })
     }
 
+    /// As [`save`](Self::save), for whoever goes on without: that the file system refuses is said once, and once that it no longer
+    /// does.
+    pub fn keep(&self, state: &[u8]) {
+        match self.save(state) {
+            Ok(()) if self.refused.replace(false) => tracing::info!("{} is kept again", self.path.display()),
+            Ok(()) => {}
+            Err(error) if !self.refused.replace(true) => tracing::error!("{error}; whoever is killed now goes on from an older state"),
+            Err(_) => {}
+        }
+    }
+
     fn write(&self, state: &[u8]) -> io::Result<()> {
         if let Some(folder) = self.path.parent() {
             make_private(folder)?;
         }
         let fresh = self.path.with_extension("fresh");
-        let mut file = std::fs::File::create(&fresh)?;
+        let written = self.write_to(&fresh, state).and_then(|()| std::fs::rename(&fresh, &self.path));
+        if written.is_err() {
+            // On a full disk half a state takes the room of what is worth more.
+            let _ = std::fs::remove_file(&fresh);
+        }
+        written
+    }
+
+    fn write_to(&self, fresh: &Path, state: &[u8]) -> io::Result<()> {
+        let mut file = std::fs::File::create(fresh)?;
         file.write_all(MAGIC)?;
         file.write_all(&self.run.to_le_bytes())?;
         file.write_all(&(state.len() as u64).to_le_bytes())?;
         file.write_all(&self.start.to_le_bytes())?;
         file.write_all(&checksum(self.start, state).to_le_bytes())?;
-        file.write_all(state)?;
-        std::fs::rename(&fresh, &self.path)
+        file.write_all(state)
     }
 }
 

@@ -62,6 +62,8 @@ pub enum StreamFault {
     Stall,
     /// Holds everything back and lets it go at once every `by_s`.
     Burst,
+    /// Puts stamps forward by `by_s`, as a clock that is set does; at the end of the fault it is set back.
+    Clock,
 }
 
 /// What a fault does to a process.
@@ -124,7 +126,7 @@ struct Entry {
     /// The process that is disturbed, by its name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     process: Option<Name>,
-    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall or burst; to a process: kill, stop, slow or disk.
+    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk.
     kind: FaultKind,
     /// The share of messages that are hit; for `slow`, the share of time that the process stands.
     #[serde(default)]
@@ -135,7 +137,7 @@ struct Entry {
     /// How long it lasts.
     #[serde(default)]
     for_s: FaultLength,
-    /// By how much `delay` delays and how often `burst` lets go, 1 s if it is not given; how often `kill` kills, once if it is not given.
+    /// By how much `delay` delays and `clock` is set forward, and how often `burst` lets go, 1 s if it is not given; how often `kill` kills, once if it is not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     by_s: Option<FaultPeriod>,
     /// Another seed hits other messages.
@@ -161,6 +163,8 @@ pub enum FaultKind {
     Stall,
     /// Messages come in heaps.
     Burst,
+    /// The clock that stamps the messages is set forward, and back at the end.
+    Clock,
     /// The process is killed.
     Kill,
     /// The process stands still.
@@ -174,7 +178,7 @@ pub enum FaultKind {
 /// A fault that does not say whom it concerns, or that its target cannot have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "expected either a service with drop, delay, duplicate, reorder, corrupt, stall or burst, or a process with kill, stop, slow or disk"
+    "expected either a service with drop, delay, duplicate, reorder, corrupt, stall, burst or clock, or a process with kill, stop, slow or disk"
 )]
 pub struct NoSuchFault;
 
@@ -216,6 +220,7 @@ impl Disturbance {
             FaultKind::Corrupt => on_service(StreamFault::Corrupt),
             FaultKind::Stall => on_service(StreamFault::Stall),
             FaultKind::Burst => on_service(StreamFault::Burst),
+            FaultKind::Clock => on_service(StreamFault::Clock),
             FaultKind::Kill => on_process(ProcessFault::Kill),
             FaultKind::Stop => on_process(ProcessFault::Stop),
             FaultKind::Slow => on_process(ProcessFault::Slow),
@@ -233,6 +238,7 @@ impl Disturbance {
                 StreamFault::Corrupt => FaultKind::Corrupt,
                 StreamFault::Stall => FaultKind::Stall,
                 StreamFault::Burst => FaultKind::Burst,
+                StreamFault::Clock => FaultKind::Clock,
             },
             Self::Process { fault, .. } => match fault {
                 ProcessFault::Kill => FaultKind::Kill,
@@ -292,7 +298,7 @@ mod tests {
 
     #[test]
     fn every_kind_reads_as_it_was_written_and_no_other_goes() {
-        let services = ["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "burst"];
+        let services = ["drop", "delay", "duplicate", "reorder", "corrupt", "stall", "burst", "clock"];
         let processes = ["kill", "stop", "slow", "disk"];
         for kind in services.into_iter().chain(processes) {
             let (good, bad) = if services.contains(&kind) {

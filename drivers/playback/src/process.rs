@@ -185,7 +185,7 @@ impl Playback {
             self.rate = speed / clock;
             let schedule = self.resume.schedule;
             self.resume.schedule = schedule.map(|it| it.paced(context.now_ns(), if paused == 1 { 0.0 } else { speed / clock }));
-            self.checkpoint.save(&self.resume.to_bytes())?;
+            self.checkpoint.keep(&self.resume.to_bytes());
         }
         Ok(())
     }
@@ -222,7 +222,7 @@ impl Playback {
             }
             self.resume.schedule = Some(schedule);
             if self.resume.reserve(lane.stream, seq) | is_new {
-                self.checkpoint.save(&self.resume.to_bytes())?;
+                self.checkpoint.keep(&self.resume.to_bytes());
             }
             lane.send(seq, stamp_ns)?;
         }

@@ -171,7 +171,8 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
     assert_eq!(chunks, [(1, 1, 1.0)]);
     let membership = deployment.domain.membership_for("robot", 1, "settings.toml".as_ref());
-    assert_eq!(Shell::join(membership).unwrap().checkpoint().load().unwrap(), Some(state(70, 70)));
+    let kept = Shell::join(membership).unwrap().checkpoint().take_up(|saved| Ok::<_, String>(saved.state.clone()));
+    assert_eq!(kept.as_deref(), Some(state(70, 70).as_ref()));
     drop(truths);
     assert!(!deployment.port().exists());
     deployment.domain.close().unwrap();

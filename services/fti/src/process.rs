@@ -266,7 +266,7 @@ impl Integration {
 
     fn save(&mut self) -> Result<(), StepError> {
         let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.fti.to_bytes()))?;
-        self.checkpoint.save(&bytes)?;
+        self.checkpoint.keep(&bytes);
         self.checkpointed = self.place.scan;
         Ok(())
     }

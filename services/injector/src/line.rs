@@ -21,6 +21,8 @@ pub trait Cargo: Clone {
     fn is_end(&self) -> bool;
     /// Turns over a bit of what it says.
     fn turn_over(&mut self, bit: u64);
+    /// Puts its sensor time forward.
+    fn put_forward(&mut self, by_ns: u64);
 }
 
 /// What has been done to the messages of a service.
@@ -38,12 +40,15 @@ pub struct Counts {
     pub corrupted: u64,
     /// Messages held back for a while.
     pub held: u64,
+    /// Messages stamped by a clock that was set.
+    pub set_forward: u64,
 }
 
 /// The messages of one service on their way through the injector.
 ///
 /// Times of messages are sensor time, the schedule of faults too; how long a message is held is deployment time. The end of
-/// a stream is never left out, changed or overtaken: without it nobody could end in order.
+/// a stream is never left out, changed or overtaken: without it nobody could end in order. The schedule goes by the stamps as
+/// they come.
 #[derive(Debug, Clone)]
 pub struct Line<C> {
     faults: Vec<Scheduled>,
@@ -107,7 +112,7 @@ impl<C: Cargo> Line<C> {
         self.counts.taken += 1;
         let (seq, end) = (message.seq(), message.is_end());
         let mut until_ns = 0;
-        let (mut copies, mut overtaken) = (1, false);
+        let (mut copies, mut overtaken, mut forward_ns) = (1, false, 0_u64);
         for fault in &self.faults {
             let active = fault.is_active(began_ns, message.stamp_ns());
             if !active || !happens(fault.seed, seq, fault.rate) {
@@ -121,6 +126,7 @@ impl<C: Cargo> Line<C> {
                 StreamFault::Drop => copies = 0,
                 StreamFault::Duplicate => copies = copies.min(1) * 2,
                 StreamFault::Reorder => overtaken = true,
+                StreamFault::Clock => forward_ns = forward_ns.saturating_add(fault.by_ns),
                 StreamFault::Corrupt => {
                     self.counts.corrupted += 1;
                     for turn in 0..=draw(fault.seed, seq, 1) % MOST_BITS {
@@ -129,6 +135,10 @@ impl<C: Cargo> Line<C> {
                 }
             }
         }
+        if forward_ns > 0 {
+            message.put_forward(forward_ns);
+        }
+        self.counts.set_forward += u64::from(forward_ns > 0);
         self.counts.dropped += u64::from(copies == 0);
         self.counts.duplicated += u64::from(copies == 2);
         self.counts.held += u64::from(until_ns > now_ns);
@@ -211,6 +221,7 @@ mod tests {
         seq: u64,
         bits: u64,
         end: bool,
+        forward_ns: u64,
     }
 
     impl Cargo for Letter {
@@ -225,6 +236,9 @@ mod tests {
         }
         fn turn_over(&mut self, bit: u64) {
             self.bits ^= 1 << (bit % 64);
+        }
+        fn put_forward(&mut self, by_ns: u64) {
+            self.forward_ns += by_ns;
         }
     }
 
@@ -242,8 +256,8 @@ mod tests {
         for tenth in 1..=last + 200 {
             let mut out = Vec::new();
             match tenth {
-                _ if tenth <= last => line.take(Letter { seq: tenth, bits: 0, end: false }, tenth * TENTH_NS, &mut out),
-                _ if tenth == last + 1 => line.take(Letter { seq: last, bits: 0, end: true }, tenth * TENTH_NS, &mut out),
+                _ if tenth <= last => line.take(Letter { seq: tenth, bits: 0, end: false, forward_ns: 0 }, tenth * TENTH_NS, &mut out),
+                _ if tenth == last + 1 => line.take(Letter { seq: last, bits: 0, end: true, forward_ns: 0 }, tenth * TENTH_NS, &mut out),
                 _ => line.release(tenth * TENTH_NS, &mut out),
             }
             arrived.extend(out.into_iter().map(|letter| (tenth, letter)));
@@ -286,6 +300,9 @@ mod tests {
         let (arrived, counts) = carried(7, &[fault(StreamFault::Corrupt, some)]);
         let damaged: Vec<u64> = arrived.iter().filter(|(_, letter)| letter.bits != 0).map(|(_, letter)| letter.seq).collect();
         assert_eq!((damaged, counts.corrupted), (vec![4, 5], 2));
+        let (arrived, counts) = carried(7, &[fault(StreamFault::Clock, some)]);
+        let set: Vec<u64> = arrived.iter().map(|(_, letter)| letter.forward_ns / TENTH_NS).collect();
+        assert_eq!((set, counts.set_forward), (vec![0, 0, 0, 3, 3, 0, 0, 0], 2));
     }
 
     #[test]
@@ -296,7 +313,7 @@ mod tests {
         line.plan(kind, &fault);
         let pass = |line: &mut Line<Letter>| {
             let mut out = Vec::new();
-            (1..=100).for_each(|seq| line.take(Letter { seq, bits: 0, end: false }, seq, &mut out));
+            (1..=100).for_each(|seq| line.take(Letter { seq, bits: 0, end: false, forward_ns: 0 }, seq, &mut out));
             out
         };
         let first = pass(&mut line);
@@ -308,12 +325,12 @@ mod tests {
         /// Whatever the faults, nothing is made up, the end comes last and once, and what is not dropped arrives.
         #[test]
         fn nothing_is_made_up_and_the_end_comes_last(
-            kinds in prop::collection::vec((0usize..7, 0.0f64..=1.0, 0.0f64..3.0, 0.0f64..3.0, 0.001f64..1.0, 0u32..9), 0..5),
+            kinds in prop::collection::vec((0usize..8, 0.0f64..=1.0, 0.0f64..3.0, 0.0f64..3.0, 0.001f64..1.0, 0u32..9), 0..5),
             last in 1u64..60,
         ) {
-            const KINDS: [StreamFault; 7] = [
+            const KINDS: [StreamFault; 8] = [
                 StreamFault::Drop, StreamFault::Delay, StreamFault::Duplicate, StreamFault::Reorder,
-                StreamFault::Corrupt, StreamFault::Stall, StreamFault::Burst,
+                StreamFault::Corrupt, StreamFault::Stall, StreamFault::Burst, StreamFault::Clock,
             ];
             let faults: Vec<_> = kinds.iter().map(|(kind, rate, from_s, for_s, by_s, seed)| fault(KINDS[*kind], |fault| {
                 fault.rate = (*rate).try_into().unwrap();

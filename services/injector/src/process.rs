@@ -203,6 +203,7 @@ impl Injector {
             all.overtaken += counts.overtaken;
             all.corrupted += counts.corrupted;
             all.held += counts.held;
+            all.set_forward += counts.set_forward;
         }
         let services: Vec<&str> = self.relays.iter().map(|(service, _)| service.name()).collect();
         context.note(&if services.is_empty() {
@@ -216,6 +217,7 @@ impl Injector {
         context.count("messages overtaken", all.overtaken);
         context.count("messages corrupted", all.corrupted);
         context.count("messages held back", all.held);
+        context.count("messages set forward", all.set_forward);
         context.count("deeds done to processes", self.disturbed);
     }
 }

@@ -25,6 +25,10 @@ impl<T: Payload> Cargo for Raw<T> {
     fn turn_over(&mut self, bit: u64) {
         Raw::turn_over(self, bit);
     }
+
+    fn put_forward(&mut self, by_ns: u64) {
+        Raw::put_forward(self, by_ns);
+    }
 }
 
 /// A service on its way through the injector, whatever it carries.

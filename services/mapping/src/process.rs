@@ -174,7 +174,7 @@ impl Mapping {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        self.checkpoint.save(&self.mapper.save())?;
+        self.checkpoint.keep(&self.mapper.save());
         self.checkpointed = self.mapper.last_scan().0;
         Ok(())
     }

@@ -133,7 +133,7 @@ pub(crate) struct RunOptions {
 #[derive(Debug, Clone, Args)]
 #[command(group = clap::ArgGroup::new("whom").required(true))]
 pub(crate) struct InjectOptions {
-    /// To a service: drop, delay, duplicate, reorder, corrupt, stall or burst; to a process: kill, stop, slow or disk
+    /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk
     #[arg(value_name = "KIND")]
     pub(crate) kind: String,
     /// The service, for example robot/scan; it has to go through an injector
@@ -148,7 +148,7 @@ pub(crate) struct InjectOptions {
     /// How long, s
     #[arg(long = "for", value_name = "S", default_value_t = 10.0)]
     pub(crate) for_s: f64,
-    /// By how much it delays, how often a burst comes or a kill, s
+    /// By how much it delays or a clock is set, how often a burst comes or a kill, s
     #[arg(long = "by", value_name = "S")]
     pub(crate) by_s: Option<f64>,
     /// Another seed hits other messages

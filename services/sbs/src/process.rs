@@ -219,7 +219,7 @@ impl Subtraction {
 
     fn save(&mut self) -> Result<(), StepError> {
         let bytes = self.kept.to_bytes();
-        self.checkpoint.save(&bytes)?;
+        self.checkpoint.keep(&bytes);
         self.checkpointed = self.kept.place.seq;
         Ok(())
     }
