@@ -14,8 +14,8 @@ use crate::tracks::{COAST_NS, MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_vi
 const KNOWN_WALL: f64 = 1.5;
 /// A slower walker may stand before a wall, m/s.
 const SLOW_M_S: f64 = 0.35;
-/// Who stands ends this long after the last echo, ns.
-const HELD_NS: u64 = 1_500_000_000;
+/// Who stands ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass him.
+const HELD_NS: u64 = 10_000_000_000;
 /// Or when this many readings
 const PASSES: u32 = 2;
 /// Who came to rest was seen to: his blob fades a moment later, ns.

@@ -9,7 +9,7 @@ use crate::smoothed::{Presence, Smoothed};
 /// Somebody whom nobody followed, at any place and for any time.
 const UNSEEN: f64 = 0.005;
 /// ln of how much likelier a passer-by makes an echo that its sonar heard only once, when people are about or nobody looks.
-const BRIEF: f64 = 1.7;
+const BRIEF: f64 = 2.2;
 /// And when the camera looks there and shows nobody, or has shown nobody anywhere for long.
 const BRIEF_ALONE: f64 = -0.5;
 /// By how much that falls with each second for which the sonar heard the same thing, 1/s.
