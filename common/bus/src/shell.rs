@@ -433,6 +433,7 @@ impl Context<'_> {
     fn answered_on(&mut self, service: &Service, seq: u64) {
         let answers = &mut self.report.answers;
         match answers.iter_mut().find(|answer| answer.service == service.name) {
+            Some(answer) if answer.seq == seq => {}
             Some(answer) => *answer = Answer { seq, is_news: true, ..*answer },
             None => answers.push(Answer { service: service.name, seq, is_news: true }),
         }

@@ -118,9 +118,9 @@ impl Mapping {
     }
 
     /// Takes what waits, up to a round's share; true when there may be more.
-    fn take_inputs(&mut self, context: &mut Context<'_>) -> Result<bool, StepError> {
+    fn take_inputs(&mut self) -> Result<bool, StepError> {
         for _ in 0..TAKEN_PER_ROUND {
-            let scan = self.take_scan(context)?;
+            let scan = self.take_scan()?;
             let verdict = self.take_verdict()?;
             if !scan && !verdict {
                 return Ok(false);
@@ -130,14 +130,13 @@ impl Mapping {
         Ok(true)
     }
 
-    fn take_scan(&mut self, context: &mut Context<'_>) -> Result<bool, StepError> {
+    fn take_scan(&mut self) -> Result<bool, StepError> {
         match self.scans.take()? {
             None => return Ok(false),
             Some(Received::Message(scan)) => {
                 let seq = scan.seq();
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
                 self.note(taken);
-                context.answered::<SonarScan>(seq);
                 if seq >= self.checkpointed + CHECKPOINT_SCANS {
                     self.save()?;
                 }
@@ -258,7 +257,9 @@ impl Mapping {
 
 impl Process for Mapping {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
-        let more_waits = self.take_inputs(context)?;
+        let more_waits = self.take_inputs()?;
+        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
+        context.answered::<SonarScan>(self.mapper.last_scan().0);
         if !self.over && !more_waits && (context.stopping() || self.nothing_is_to_come()) {
             self.decide_the_rest()?;
         }

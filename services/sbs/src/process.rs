@@ -103,8 +103,9 @@ impl Process for Subtraction {
                 next = if self.frames.ended() || context.stopping() { Next::Finished } else { Next::Wait };
                 break;
             }
-            context.answered_frames::<CameraFrame>(self.kept.place.seq);
         }
+        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
+        context.answered_frames::<CameraFrame>(self.kept.place.seq);
         if next == Next::Finished {
             self.finish()?;
         }

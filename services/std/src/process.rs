@@ -91,7 +91,6 @@ impl Process for Difference {
                 Some(Received::Message(scan)) => {
                     self.place = Place { seq: scan.seq(), stamp_ns: scan.stamp_ns() };
                     self.answer(&scan)?;
-                    context.answered::<SonarScan>(self.place.seq);
                 }
                 Some(Received::End { .. }) => {
                     next = Next::Finished;
@@ -99,6 +98,8 @@ impl Process for Difference {
                 }
             }
         }
+        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
+        context.answered::<SonarScan>(self.place.seq);
         context.count("scans with movers", self.moving_scans);
         context.count("movers", self.movers);
         context.count("tracks", self.std.tracks().len() as u64);
