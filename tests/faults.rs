@@ -96,15 +96,15 @@ fn live(bench: &Bench, more: &str, supervisor: &str) -> Run {
 #[test]
 fn a_clock_that_is_set_costs_what_it_is_set_back_by_and_that_is_said() {
     let (bench, log, _) = &*DRIVE;
-    // Ten seconds of scans are stamped a second ahead; the first of those after them lie before the last of these. They are fewer
+    // Ten seconds of scans are stamped half a second ahead; the first of those after them lie before the last of these. They are fewer
     // than the window of the replay, which waits for an answer to the next.
-    let (code, stdout, stderr) = disturbed(&["service = \"robot/scan\"\nkind = \"clock\"\nby_s = 1.0\nfrom_s = 30.0\nfor_s = 10.0"]);
+    let (code, stdout, stderr) = disturbed(&["service = \"robot/scan\"\nkind = \"clock\"\nby_s = 0.5\nfrom_s = 30.0\nfor_s = 10.0"]);
     assert_eq!(code, Some(0), "{stdout}{stderr}");
     assert!(!stdout.contains("restarted") && stdout.contains("map sha256"), "{stdout}{stderr}");
     let refused: Vec<&str> = stderr.lines().filter(|line| line.contains("mapping") && line.contains("refused message")).collect();
     assert!(refused.iter().all(|line| line.contains("of robot/scan: its stamp") && line.contains("is before")), "{stderr}");
-    // A second at seven to eleven scans a second.
-    assert!((4..16).contains(&refused.len()), "{} refused: {stderr}", refused.len());
+    // Half a second at seven to eleven scans a second.
+    assert!((2..8).contains(&refused.len()), "{} refused: {stderr}", refused.len());
     let integrated = |of: &str| of.lines().find_map(|line| line.strip_prefix("figures ")?.trim().split(' ').next()?.parse::<usize>().ok());
     let recorded = text(&bench.output(["log", "info", log.to_str().unwrap()]).stdout);
     let scans = recorded.lines().find(|line| line.contains("robot/scan")).unwrap().split_ascii_whitespace().nth(2).unwrap();

@@ -18,6 +18,8 @@ const SLOW_M_S: f64 = 0.35;
 const HELD_NS: u64 = 10_000_000_000;
 /// Or when this many readings
 const PASSES: u32 = 2;
+/// Or this many that look at him and hear something else.
+const MISSES: u32 = 5;
 /// Who came to rest was seen to: his blob fades a moment later, ns.
 const SEEN_NS: u64 = 1_000_000_000;
 /// Echoes that began with a walker are his from so many on: more than a second of them.
@@ -184,7 +186,7 @@ impl Tracks {
     fn end_silent(&mut self, stamp_ns: u64) {
         for track in self.alive() {
             let over = if track.held {
-                track.passed >= PASSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
+                track.passed >= PASSES || track.missed >= MISSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
             } else if track.origin == Origin::Sonar {
                 stamp_ns.saturating_sub(track.supported_ns()) > UNSEEN_NS
             } else {

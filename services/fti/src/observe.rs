@@ -18,6 +18,8 @@ const ECHO_SD_M: f64 = 0.2;
 const STANDS_M: f64 = 0.2;
 /// Half of a body's width, m.
 const BODY_HALF_M: f64 = 0.2;
+/// What lies farther before him than this hides him, m.
+const BEFORE_M: f64 = 0.3;
 /// pass so far beyond him, m.
 const PASS_M: f64 = 0.45;
 /// An echo supports a track within this many standard deviations.
@@ -87,15 +89,16 @@ impl Track {
             self.hits = self.hits.saturating_add(1);
         }
         self.heard_ns = stamp_ns;
-        self.passed = 0;
+        (self.passed, self.missed) = (0, 0);
         self.remember();
     }
 
     pub(crate) fn note_passing(&mut self, beam: &Beam, stamp_ns: u64) {
         let place = self.motion.place_m();
         let seen = beam.see(place.x, place.y);
-        if beam.covers(seen) && beam.range_m() > seen.z_m() + PASS_M && self.heard_ns != stamp_ns {
-            self.passed += 1;
+        if beam.covers(seen) && self.heard_ns != stamp_ns {
+            self.passed += u32::from(beam.range_m() > seen.z_m() + PASS_M);
+            self.missed += u32::from(beam.range_m() > seen.z_m() - BEFORE_M);
         }
     }
 }

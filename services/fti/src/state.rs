@@ -14,7 +14,7 @@ use crate::tracks::Tracks;
 use crate::{Fti, Parameters, ParametersError};
 
 /// Changes whenever the bytes mean something else.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

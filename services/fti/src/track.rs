@@ -72,6 +72,8 @@ pub(crate) struct Track {
     pub(crate) unseen_ns: u64,
     /// Readings that passed beyond it since the last echo.
     pub(crate) passed: u32,
+    /// Readings towards it since the last echo that were none of it.
+    pub(crate) missed: u32,
     /// Its blob faded while it rested: echoes alone support it.
     pub(crate) held: bool,
     /// When it ended.
@@ -104,6 +106,7 @@ impl Track {
             heard_ns: 0,
             unseen_ns: 0,
             passed: 0,
+            missed: 0,
             held: false,
             ended_ns: None,
             history: VecDeque::new(),
@@ -198,7 +201,7 @@ impl Track {
 
     fn stand_still(&mut self) {
         self.held = true;
-        self.passed = 0;
+        (self.passed, self.missed) = (0, 0);
         self.motion.mean = Vector4::new(self.motion.mean.x, self.motion.mean.y, 0.0, 0.0);
         for axis in 2..4 {
             for other in 0..4 {

@@ -204,7 +204,7 @@ proptest! {
 
     #[test]
     fn garbage_is_refused_or_read_but_never_breaks(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        let mut versioned = vec![3];
+        let mut versioned = vec![4];
         versioned.extend(&bytes);
         if let Ok(mut fti) = Fti::from_bytes(Parameters::default(), &versioned) {
             feed(&mut fti, 1..=40, true);
