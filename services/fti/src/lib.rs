@@ -2,11 +2,12 @@
 
 //! Fuzzy-tuned integration (FTI, paper section 6): which readings a moving thing caused.
 //!
-//! What the sonars and the camera see moving is brought together three ways:
+//! What the sonars and the camera see moving is brought together four ways:
 //!
 //! - *pairs*: a moving class and a blob that correspond (eq. 11) give an update region through Tables 3 to 5 and eq. 1;
 //! - *tracks*: each walker is followed in the map frame by blobs, echoes and movers;
-//! - *evidence*: for each cell, how often something was found there and how often nothing.
+//! - *evidence*: for each cell, how often something was found there and how often nothing;
+//! - *runs*: how long each sonar hears the same thing, which a passer-by leaves sooner than what the robot passes.
 //!
 //! Each reading gets its verdict at the commit horizon, with everything seen until then: by the likelihood ratio of a walker
 //! against something that stands there, or by the paper's own rule. Without a camera the tracks come from the sonars alone,
