@@ -4,24 +4,13 @@
 mod harness;
 
 use std::collections::HashMap;
-use std::path::PathBuf;
-use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
-use harness::replays::{Watched, children, record_drive, replay_settings, sha256_of};
+use harness::replays::{DRIVE, Watched, children, replay_settings, sha256_of};
 use harness::{Bench, Run, text};
 
 /// A test that waits for longer than this for a moment to come has missed it.
 const MISSED: Duration = Duration::from_secs(120);
-
-/// One recorded drive for all tests, and the map of its undisturbed replay.
-static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
-    let bench = Bench::new();
-    let log = record_drive(&bench);
-    let settings = bench.write("undisturbed.toml", &replay_settings("undisturbed", &log, ""));
-    let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
-    (bench, log, map)
-});
 
 const INJECTOR: &str = "[[process]]\nname = \"injector\"\nrun = \"injector\"\n";
 

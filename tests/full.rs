@@ -9,19 +9,9 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::LazyLock;
 
-use harness::replays::{Watched, record_drive, replay_settings, sha256_of};
+use harness::replays::{DRIVE, Watched, replay_settings, sha256_of};
 use harness::{Bench, text};
-
-/// One recorded drive for all tests, and the map of its undisturbed replay.
-static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
-    let bench = Bench::new();
-    let log = record_drive(&bench);
-    let settings = bench.write("undisturbed.toml", &replay_settings("undisturbed", &log, ""));
-    let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
-    (bench, log, map)
-});
 
 /// Whether mounts can be made; says so when not.
 fn can_mount() -> bool {

@@ -4,6 +4,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::LazyLock;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,15 @@ const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/co
 pub(crate) const PROCESSES: [&str; 5] = ["mapping", "std", "fti", "recorder", "playback"];
 /// A run that says nothing and does not end for so long hangs; nothing is measured by it.
 const SILENCE: Duration = Duration::from_secs(60);
+
+/// One recorded drive for all tests of a file, and the map of its undisturbed replay.
+pub(crate) static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
+    let bench = Bench::new();
+    let log = record_drive(&bench);
+    let settings = bench.write("undisturbed.toml", &replay_settings("undisturbed", &log, ""));
+    let map = sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end());
+    (bench, log, map)
+});
 
 /// Records a simulated drive among walkers, with STD and FTI but no camera; the log.
 pub(crate) fn record_drive(bench: &Bench) -> PathBuf {

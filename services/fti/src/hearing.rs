@@ -16,7 +16,7 @@ const KNOWN_WALL: f64 = 1.5;
 const SLOW_M_S: f64 = 0.35;
 /// Who stands ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass him.
 const HELD_NS: u64 = 10_000_000_000;
-/// Or when this many readings
+/// Or when this many readings pass beyond him.
 const PASSES: u32 = 2;
 /// Or this many that look at him and hear something else.
 const MISSES: u32 = 5;
@@ -48,7 +48,7 @@ impl Track {
     fn anchor(&mut self, echo: &Heard<'_>, stamp_ns: u64) {
         let (motion, run) = (self.motion, echo.run);
         match self.anchors.iter_mut().find(|anchor| anchor.run == run) {
-            Some(anchor) => *anchor = Anchor { run, echoes: anchor.echoes + 1, motion, stamp_ns },
+            Some(anchor) => *anchor = Anchor { run, echoes: anchor.echoes.saturating_add(1), motion, stamp_ns },
             None if echo.first => self.anchors.push(Anchor { run, echoes: 1, motion, stamp_ns }),
             None => {}
         }

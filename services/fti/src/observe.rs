@@ -20,7 +20,7 @@ const STANDS_M: f64 = 0.2;
 const BODY_HALF_M: f64 = 0.2;
 /// What lies farther before him than this hides him, m.
 const BEFORE_M: f64 = 0.3;
-/// pass so far beyond him, m.
+/// A reading that goes so far beyond him shows that he is gone, m.
 const PASS_M: f64 = 0.45;
 /// An echo supports a track within this many standard deviations.
 pub(crate) const ECHO_GATE: f64 = 2.5;
@@ -97,8 +97,8 @@ impl Track {
         let place = self.motion.place_m();
         let seen = beam.see(place.x, place.y);
         if beam.covers(seen) && self.heard_ns != stamp_ns {
-            self.passed += u32::from(beam.range_m() > seen.z_m() + PASS_M);
-            self.missed += u32::from(beam.range_m() > seen.z_m() - BEFORE_M);
+            self.passed = self.passed.saturating_add(u32::from(beam.range_m() > seen.z_m() + PASS_M));
+            self.missed = self.missed.saturating_add(u32::from(beam.range_m() > seen.z_m() - BEFORE_M));
         }
     }
 }
