@@ -11,8 +11,12 @@ use serde::{Deserialize, Serialize};
 /// No sonar of a mobile robot hears farther; what claims to is cut here, so that work and memory stay bounded.
 const FARTHEST_M: f64 = 10.0;
 
+/// No map reaches farther from its origin: what messages allow, and room for the way from robot to sonar.
+const FARTHEST_FROM_ORIGIN_M: f64 = 1.1e6;
+
 /// One reading, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Saved")]
 pub struct Beam {
     /// The transducer in the map frame.
     x_m: f64,
@@ -24,6 +28,31 @@ pub struct Beam {
     echo: bool,
     /// Tangent of half the opening angle.
     tan_half: f64,
+}
+
+/// A beam as bytes have it.
+#[derive(Deserialize)]
+struct Saved {
+    x_m: f64,
+    y_m: f64,
+    cos: f64,
+    sin: f64,
+    range_m: f64,
+    echo: bool,
+    tan_half: f64,
+}
+
+impl TryFrom<Saved> for Beam {
+    type Error = &'static str;
+
+    fn try_from(saved: Saved) -> Result<Self, &'static str> {
+        let Saved { x_m, y_m, cos, sin, range_m, echo, tan_half } = saved;
+        let is_somewhere = [x_m, y_m].iter().all(|at_m| at_m.abs() <= FARTHEST_FROM_ORIGIN_M);
+        let is_a_direction = (cos.hypot(sin) - 1.0).abs() < 1e-9;
+        let is_a_cone = (0.0..=FARTHEST_M).contains(&range_m) && tan_half >= 0.0 && tan_half.is_finite();
+        let beam = Self { x_m, y_m, cos, sin, range_m, echo, tan_half };
+        (is_somewhere && is_a_direction && is_a_cone).then_some(beam).ok_or("no beam is like that")
+    }
 }
 
 /// A place in the sonar's frame.
@@ -179,6 +208,22 @@ mod tests {
         assert!((0.17..=0.23).contains(&farthest_aside), "{farthest_aside}: 12.5° at 1.05 m is 0.228 m aside");
         assert!(arc.iter().all(|c| (0.90..=1.06).contains(&size().centre_of(c.column))));
         assert!(arc.len() >= 14, "{} cells", arc.len());
+    }
+
+    #[test]
+    fn bytes_that_no_reading_makes_are_no_beam() {
+        let Beam { x_m, y_m, cos, sin, range_m, echo, tan_half } = beam(1.0, 2.0, 3.0, 4.0, 1);
+        let sound = || Saved { x_m, y_m, cos, sin, range_m, echo, tan_half };
+        assert_eq!(Beam::try_from(sound()), Ok(beam(1.0, 2.0, 3.0, 4.0, 1)));
+        let is_refused = |change: fn(&mut Saved)| {
+            let mut saved = sound();
+            change(&mut saved);
+            Beam::try_from(saved).is_err()
+        };
+        assert!(is_refused(|saved| saved.x_m = 1e7) && is_refused(|saved| saved.y_m = f64::NAN));
+        assert!(is_refused(|saved| saved.cos = 1e3) && is_refused(|saved| saved.sin = f64::INFINITY));
+        assert!(is_refused(|saved| saved.range_m = 11.0) && is_refused(|saved| saved.range_m = -1.0));
+        assert!(is_refused(|saved| saved.tan_half = -0.1) && is_refused(|saved| saved.tan_half = f64::INFINITY));
     }
 
     #[test]

@@ -8,13 +8,13 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
-use messages::{FrameHeader, FrameLayout, Header, InputCounters, Pictures, PixelFormat};
+use messages::{FrameHeader, FrameLayout, Header, Pictures, PixelFormat};
 
 use crate::broken::BusError;
 use crate::clock::DeploymentClock;
 use crate::fabric::{Opened, PicturePubSub, listener};
 use crate::slot::FrameHeaderSlot;
-use crate::stream::{Admission, Received, Stream, checksum};
+use crate::stream::{Account, Admission, Received, Stream, checksum};
 
 /// Receives the pictures of one service, under the rules of [`Reader`](crate::Reader).
 pub struct FrameReader<P: Pictures> {
@@ -82,9 +82,10 @@ impl<P: Pictures> FrameReader<P> {
         self.refused.take()
     }
 
-    /// Takes everything up to `seq` as received: a process that restarts goes on after what its checkpoint includes.
-    pub fn skip_to(&mut self, seq: u64) {
-        self.stream.skip_to(seq);
+    /// Takes everything up to `seq`, which has this stamp, as received: a process that restarts goes on after what its
+    /// checkpoint includes.
+    pub fn skip_to(&mut self, seq: u64, stamp_ns: u64) {
+        self.stream.skip_to(seq, stamp_ns);
     }
 
     /// Whether the end of the stream has been taken.
@@ -97,8 +98,8 @@ impl<P: Pictures> FrameReader<P> {
         self.listener.clone()
     }
 
-    pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
-        self.stream.counters()
+    pub(crate) fn account(&self) -> Rc<RefCell<Account>> {
+        self.stream.account()
     }
 }
 

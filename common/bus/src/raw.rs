@@ -66,6 +66,13 @@ impl<T: Payload> Raw<T> {
         self.header.crc32 = damage ^ self.checksum();
     }
 
+    /// Leaves only the word that it does not come.
+    pub fn leave_gap(&mut self) {
+        self.payload = T::zeroed();
+        self.header.kind = Kind::Gap as u32;
+        self.header.crc32 = self.checksum();
+    }
+
     fn checksum(&self) -> u32 {
         checksum(&Header { crc32: 0, ..self.header }, bytemuck::bytes_of(&self.payload))
     }

@@ -8,13 +8,13 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
-use messages::{Header, InputCounters, Payload};
+use messages::{Header, Payload};
 
 use crate::broken::BusError;
 use crate::clock::DeploymentClock;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::slot::{HeaderSlot, Slot};
-use crate::stream::{Admission, Received, Stream, checksum};
+use crate::stream::{Account, Admission, Received, Stream, checksum};
 
 /// Receives the messages of one service.
 ///
@@ -56,9 +56,16 @@ impl<T: Payload> Reader<T> {
         }
     }
 
-    /// Takes everything up to `seq` as received: a process that restarts goes on after what its checkpoint includes.
-    pub fn skip_to(&mut self, seq: u64) {
-        self.stream.skip_to(seq);
+    /// Takes everything up to `seq`, which has this stamp, as received: a process that restarts goes on after what its
+    /// checkpoint includes.
+    pub fn skip_to(&mut self, seq: u64, stamp_ns: u64) {
+        self.stream.skip_to(seq, stamp_ns);
+    }
+
+    /// The last message that was taken, refused, or is known not to come: no earlier one is handed out any more.
+    #[must_use]
+    pub fn passed(&self) -> u64 {
+        self.stream.passed()
     }
 
     /// Whether the end of the stream has been taken.
@@ -71,8 +78,8 @@ impl<T: Payload> Reader<T> {
         self.listener.clone()
     }
 
-    pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
-        self.stream.counters()
+    pub(crate) fn account(&self) -> Rc<RefCell<Account>> {
+        self.stream.account()
     }
 }
 

@@ -8,9 +8,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{FileDescriptorBased, ipc};
-use messages::{
-    Counter, DeploymentStatus, Heartbeat, InputCounters, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text,
-};
+use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::broken::BusError;
@@ -25,7 +23,7 @@ use crate::paths::DomainPaths;
 use crate::raw::{Injection, Tap};
 use crate::reader::Reader;
 use crate::signals::Signals;
-use crate::stream::Received;
+use crate::stream::{Account, Received};
 use crate::writer::Writer;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
@@ -114,7 +112,7 @@ pub struct Shell {
     progress: Writer<Progress>,
     listeners: Vec<Rc<Listener<ipc::Service>>>,
     writers: Vec<Rc<dyn Refresh>>,
-    inputs: Vec<Rc<RefCell<InputCounters>>>,
+    inputs: Vec<Rc<RefCell<Account>>>,
     sent: Rc<Cell<u64>>,
     report: Report,
     /// Processes that may need again what this one has said.
@@ -135,7 +133,8 @@ struct Report {
 struct Answer {
     service: &'static str,
     seq: u64,
-    is_news: bool,
+    /// What was last said of it.
+    told: Option<u64>,
 }
 
 impl Shell {
@@ -186,7 +185,7 @@ impl Shell {
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
         let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.membership.run, Some(self.membership.clock()))?;
         self.listeners.extend(reader.listener());
-        self.inputs.push(reader.counters());
+        self.inputs.push(reader.account());
         Ok(reader)
     }
 
@@ -230,7 +229,7 @@ impl Shell {
     pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
         let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.membership.run, Some(self.membership.clock()))?;
         self.listeners.extend(reader.listener());
-        self.inputs.push(reader.counters());
+        self.inputs.push(reader.account());
         Ok(reader)
     }
 
@@ -358,12 +357,17 @@ impl Shell {
     /// answer several streams.
     fn tell_progress(&mut self) -> Result<(), BusError> {
         let joined = self.progress.joined();
-        for answer in self.report.answers.iter_mut().filter(|answer| answer.is_news || joined) {
-            answer.is_news = false;
+        for answer in &mut self.report.answers {
+            let account = self.inputs.iter().map(|input| input.borrow()).find(|input| input.counters.service.as_str() == answer.service);
+            let seq = account.map_or(answer.seq, |input| input.answered(answer.seq));
+            if answer.told == Some(seq) && !joined {
+                continue;
+            }
+            answer.told = Some(seq);
             let process = Text::new(self.membership.process());
             let stamp_ns = self.membership.clock().now_ns();
-            let progress = Progress { process, service: Text::new(answer.service), answered: answer.seq };
-            self.progress.send(answer.seq, stamp_ns, &progress)?;
+            let progress = Progress { process, service: Text::new(answer.service), answered: seq };
+            self.progress.send(seq, stamp_ns, &progress)?;
         }
         Ok(())
     }
@@ -378,7 +382,7 @@ impl Shell {
             heartbeat.progress = report.rounds;
             heartbeat.sent = sent;
             for (place, input) in heartbeat.inputs.iter_mut().zip(inputs) {
-                *place = *input.borrow();
+                *place = input.borrow().counters;
             }
             for (place, counter) in heartbeat.counters.iter_mut().zip(&report.counters) {
                 *place = *counter;
@@ -433,9 +437,8 @@ impl Context<'_> {
     fn answered_on(&mut self, service: &Service, seq: u64) {
         let answers = &mut self.report.answers;
         match answers.iter_mut().find(|answer| answer.service == service.name) {
-            Some(answer) if answer.seq == seq => {}
-            Some(answer) => *answer = Answer { seq, is_news: true, ..*answer },
-            None => answers.push(Answer { service: service.name, seq, is_news: true }),
+            Some(answer) => answer.seq = seq,
+            None => answers.push(Answer { service: service.name, seq, told: None }),
         }
     }
 }

@@ -42,10 +42,30 @@ pub(crate) struct Stream {
     /// None for visitors, who are in nobody's way.
     clock: Option<DeploymentClock>,
     latencies: Box<Latencies>,
-    counters: Rc<RefCell<InputCounters>>,
-    last_seq: u64,
+    account: Rc<RefCell<Account>>,
     last_stamp_ns: u64,
     ended: bool,
+}
+
+/// How far a reader is, for the shell of its process.
+pub(crate) struct Account {
+    pub(crate) counters: InputCounters,
+    /// The last message that was handed out.
+    handed_out: u64,
+    /// The last message that came, or is known not to come: no earlier one is handed out any more.
+    passed: u64,
+}
+
+impl Account {
+    /// How far a stream is answered by whoever has answered what was handed out up to `seq`: behind all of that, what was
+    /// refused has its answer, too.
+    pub(crate) fn answered(&self, seq: u64) -> u64 {
+        if seq >= self.handed_out { seq.max(self.passed) } else { seq }
+    }
+
+    fn pass(&mut self, seq: u64) {
+        self.passed = self.passed.max(seq);
+    }
 }
 
 impl Stream {
@@ -56,19 +76,25 @@ impl Stream {
             run,
             clock,
             latencies: Box::new(Latencies::new()),
-            counters: Rc::new(RefCell::new(counters)),
-            last_seq: 0,
+            account: Rc::new(RefCell::new(Account { counters, handed_out: 0, passed: 0 })),
             last_stamp_ns: 0,
             ended: false,
         }
     }
 
-    pub(crate) fn counters(&self) -> Rc<RefCell<InputCounters>> {
-        self.counters.clone()
+    pub(crate) fn account(&self) -> Rc<RefCell<Account>> {
+        self.account.clone()
     }
 
-    pub(crate) fn skip_to(&mut self, seq: u64) {
-        self.last_seq = self.last_seq.max(seq);
+    pub(crate) fn skip_to(&mut self, seq: u64, stamp_ns: u64) {
+        let mut account = self.account.borrow_mut();
+        account.handed_out = account.handed_out.max(seq);
+        account.pass(seq);
+        self.last_stamp_ns = self.last_stamp_ns.max(stamp_ns);
+    }
+
+    pub(crate) fn passed(&self) -> u64 {
+        self.account.borrow().passed
     }
 
     pub(crate) fn ended(&self) -> bool {
@@ -83,14 +109,19 @@ impl Stream {
         validate: impl FnOnce() -> Result<(), Invalid>,
     ) -> Admission {
         let service = self.service;
-        let mut counters = self.counters.borrow_mut();
+        let mut account = self.account.borrow_mut();
+        let account = &mut *account;
         if header.run != self.run {
-            counters.refused += 1;
+            account.counters.refused += 1;
             return Admission::Dropped;
         }
         let found = checksum();
         if header.crc32 != found {
-            counters.refused += 1;
+            account.counters.refused += 1;
+            // Its number may be damaged, too; one that is next to come is believed, and no other.
+            if service.sequenced && header.seq.saturating_sub(account.passed) <= service.qos.history as u64 {
+                account.pass(header.seq);
+            }
             tracing::warn!(
                 "refused message {} of {}: its checksum is {found:08x}, expected {:08x}",
                 header.seq,
@@ -100,39 +131,46 @@ impl Stream {
             return Admission::Dropped;
         }
         let kind = Kind::from_number(header.kind);
-        let problem = if service.sequenced && header.seq > self.last_seq && header.stamp_ns < self.last_stamp_ns {
-            Some(format!("its stamp {} ns is before {} ns", header.stamp_ns, self.last_stamp_ns))
-        } else {
-            match kind {
-                None => Some(format!("its kind is {}, expected 0 or 1", header.kind)),
-                Some(Kind::Data) => validate().err().map(|invalid| invalid.to_string()),
-                Some(Kind::End) => None,
-            }
-        };
+        let problem =
+            if service.sequenced && kind != Some(Kind::Gap) && header.seq > account.handed_out && header.stamp_ns < self.last_stamp_ns {
+                Some(format!("its stamp {} ns is before {} ns", header.stamp_ns, self.last_stamp_ns))
+            } else {
+                match kind {
+                    None => Some(format!("its kind is {}, expected 0, 1 or 2", header.kind)),
+                    Some(Kind::Data) => validate().err().map(|invalid| invalid.to_string()),
+                    Some(Kind::End | Kind::Gap) => None,
+                }
+            };
         if let Some(problem) = problem {
-            counters.refused += 1;
+            account.counters.refused += 1;
+            account.pass(header.seq);
             tracing::warn!("refused message {} of {}: {problem}", header.seq, service.name);
             return Admission::Refused { problem };
+        }
+        account.pass(header.seq);
+        if kind == Some(Kind::Gap) {
+            return Admission::Dropped;
         }
         if kind == Some(Kind::End) {
             if self.ended {
                 return Admission::Dropped;
             }
             self.ended = true;
-            counters.lost += header.seq.saturating_sub(self.last_seq);
-            self.last_seq = self.last_seq.max(header.seq);
+            account.counters.lost += header.seq.saturating_sub(account.handed_out);
+            account.handed_out = account.handed_out.max(header.seq);
             return Admission::End { seq: header.seq };
         }
         let mut lost_before = 0;
         if service.sequenced {
-            if header.seq <= self.last_seq {
-                counters.repeated += 1;
+            if header.seq <= account.handed_out {
+                account.counters.repeated += 1;
                 return Admission::Dropped;
             }
-            lost_before = header.seq - self.last_seq - 1;
-            self.last_seq = header.seq;
+            lost_before = header.seq - account.handed_out - 1;
+            account.handed_out = header.seq;
             self.last_stamp_ns = header.stamp_ns;
         }
+        let counters = &mut account.counters;
         if let Some(clock) = self.clock {
             self.latencies.take(clock.since(header.stamp_ns));
             // Often enough for whoever looks, too seldom to cost anything.
@@ -154,4 +192,73 @@ pub(crate) fn checksum(header: &impl Pod, payload: &[u8]) -> u32 {
     hasher.update(bytemuck::bytes_of(header));
     hasher.update(payload);
     hasher.finalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::{Payload, SonarScan};
+
+    const RUN: u64 = 7;
+    const CHECKSUM: u32 = 5;
+
+    fn stream() -> Stream {
+        Stream::new(SonarScan::SERVICE, RUN, None)
+    }
+
+    fn header(kind: Kind, seq: u64, stamp_ns: u64) -> Header {
+        Header { run: RUN, seq, stamp_ns, kind: kind as u32, crc32: CHECKSUM }
+    }
+
+    fn is_handed_out(stream: &mut Stream, header: &Header) -> bool {
+        matches!(stream.admit(header, || CHECKSUM, || Ok(())), Admission::Message { .. })
+    }
+
+    fn answered(stream: &Stream, seq: u64) -> u64 {
+        stream.account().borrow().answered(seq)
+    }
+
+    #[test]
+    fn who_has_answered_what_was_handed_out_has_answered_what_was_not() {
+        let mut stream = stream();
+        assert!(is_handed_out(&mut stream, &header(Kind::Data, 1, 100)));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 2, 50)), "its clock was set back");
+        assert_eq!((answered(&stream, 0), answered(&stream, 1)), (0, 2));
+        let invalid = |stream: &mut Stream, seq| {
+            stream.admit(
+                &header(Kind::Data, seq, 100),
+                || CHECKSUM,
+                || Err(Invalid { field: "count", found: 17.0, expected: "at most 16" }),
+            )
+        };
+        assert!(matches!(invalid(&mut stream, 3), Admission::Refused { .. }));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Gap, 4, 0)));
+        assert_eq!((answered(&stream, 1), stream.passed()), (4, 4));
+        assert!(is_handed_out(&mut stream, &header(Kind::Data, 6, 200)));
+        assert_eq!((answered(&stream, 1), answered(&stream, 6)), (1, 6));
+        assert_eq!((stream.account().borrow().counters.lost, stream.account().borrow().counters.refused), (4, 2));
+    }
+
+    #[test]
+    fn the_number_of_a_damaged_message_counts_when_it_is_one_of_the_next() {
+        let mut stream = stream();
+        let mut damaged = |seq| {
+            assert!(matches!(stream.admit(&header(Kind::Data, seq, 0), || CHECKSUM + 1, || Ok(())), Admission::Dropped));
+            stream.passed()
+        };
+        let history = SonarScan::SERVICE.qos.history as u64;
+        assert_eq!([1, 3 + history, u64::MAX, 2, 1, 2 + history].map(&mut damaged), [1, 1, 1, 2, 2, 2 + history]);
+        let other_run = Header { run: RUN + 1, ..header(Kind::Data, 400, 0) };
+        assert!(!is_handed_out(&mut stream, &other_run));
+        assert_eq!(stream.passed(), 2 + history);
+    }
+
+    #[test]
+    fn a_restart_refuses_what_was_refused_before_it() {
+        let mut stream = stream();
+        stream.skip_to(5, 1_000);
+        assert_eq!((stream.passed(), answered(&stream, 5)), (5, 5));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 6, 999)));
+        assert!(is_handed_out(&mut stream, &header(Kind::Data, 7, 1_000)));
+    }
 }

@@ -80,7 +80,7 @@ fn a_late_reader_gets_the_history_and_skips_what_it_has() {
     }
     let mut sink = shell(&domain, "sink");
     let mut reader: Reader<SonarScan> = sink.reader().unwrap();
-    reader.skip_to(sent - history + 7);
+    reader.skip_to(sent - history + 7, 0);
     writer.send(sent + 1, sent + 1, &scan(0.0)).unwrap();
     let taken = sequence(&mut reader);
     assert_eq!(taken, (sent - history + 8..=sent + 1).collect::<Vec<_>>());

@@ -163,7 +163,7 @@ fn a_late_reader_gets_the_history_and_a_slow_one_the_newest() {
     let name = domain.directory().file_name().unwrap().to_str().unwrap();
     let mut tool = Tool::join(running.iter().find(|found| found.name() == name).unwrap()).unwrap();
     let mut late: FrameReader<CameraFrame> = tool.frame_reader().unwrap();
-    late.skip_to(100 - history + 5);
+    late.skip_to(100 - history + 5, 0);
     writer.send(101, 101, grey(16, 16), &[101; 256]).unwrap();
     let numbers = |taken: Vec<(u64, u64, u8)>| taken.iter().map(|(seq, ..)| *seq).collect::<Vec<_>>();
     assert_eq!(numbers(taken(&mut late)), (100 - history + 6..=101).collect::<Vec<_>>());

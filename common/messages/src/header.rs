@@ -26,6 +26,8 @@ pub enum Kind {
     Data = 0,
     /// The stream ends after `seq`; the payload is all zero.
     End = 1,
+    /// Message `seq` does not come: who waits for it in lockstep need not. The payload is all zero.
+    Gap = 2,
 }
 
 impl Kind {
@@ -35,6 +37,7 @@ impl Kind {
         match number {
             0 => Some(Self::Data),
             1 => Some(Self::End),
+            2 => Some(Self::Gap),
             _ => None,
         }
     }

@@ -126,6 +126,18 @@ impl FilterVerdict {
     }
 }
 
+impl UpdateRegion {
+    /// Whether its numbers can be meant.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    pub fn validate(&self) -> Result<(), Invalid> {
+        within("regions.x_m", self.x_m, -1e6, 1e6, "at most 1000 km from the origin")?;
+        within("regions.y_m", self.y_m, -1e6, 1e6, "at most 1000 km from the origin")?;
+        within("regions.cells", self.cells, 0.0, 1e6, "0 to 1000000 cells")
+    }
+}
+
 impl Payload for FilterVerdict {
     const SERVICE: Service = Service { name: "map/verdict", version: 2, qos: Qos::STREAM, wakes: true, sequenced: true };
 
@@ -135,9 +147,7 @@ impl Payload for FilterVerdict {
         at_most("inputs", self.inputs, 3, "0 to 3")?;
         at_most("action", self.action, 1, "0 or 1")?;
         for region in self.regions() {
-            within("regions.x_m", region.x_m, -1e6, 1e6, "at most 1000 km from the origin")?;
-            within("regions.y_m", region.y_m, -1e6, 1e6, "at most 1000 km from the origin")?;
-            within("regions.cells", region.cells, 0.0, 1e6, "0 to 1000000 cells")?;
+            region.validate()?;
         }
         Ok(())
     }

@@ -49,6 +49,13 @@ impl Answers {
         self.consumers.iter().map(|state| state.answered.unwrap_or(assumed)).min()
     }
 
+    /// Who is farthest behind, and the last message it has answered.
+    #[must_use]
+    pub fn slowest(&self) -> Option<(&str, u64)> {
+        let answered = |state: &State| state.answered.unwrap_or_default();
+        self.consumers.iter().map(|state| (state.consumer.name.as_str(), answered(state))).min_by_key(|(_, seq)| *seq)
+    }
+
     /// Whether a consumer has not said how far it is.
     #[must_use]
     pub fn lack_one(&self) -> bool {
@@ -78,7 +85,7 @@ mod tests {
         answers.answered("recorder", 0);
         assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), true));
         answers.answered("mapping", 9);
-        assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), false));
+        assert_eq!((answers.floor(5), answers.lack_one(), answers.slowest()), (Some(0), false, Some(("recorder", 0))));
         answers.answered("recorder", 7);
         answers.answered("somebody", 1);
         assert_eq!(answers.floor(0), Some(7));

@@ -134,6 +134,11 @@ impl Lane {
         window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
     }
 
+    /// Whether its consumers have to answer before it may send.
+    pub(crate) fn is_held(&self) -> bool {
+        !self.ended && self.window.as_ref().is_some_and(|window| !window.has_room())
+    }
+
     /// Its next message; says its end when there is none.
     pub(crate) fn head(&mut self) -> Result<Option<Head>, StepError> {
         if self.ended {

@@ -1,6 +1,6 @@
 //! Playback as a process: from the log to the bus.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError};
 use drivelog::{Log, LogError};
@@ -18,6 +18,8 @@ use crate::window::Window;
 const MOST_AT_ONCE: usize = 1024;
 /// Camera frames that are on the way in lockstep; with a consumer's checkpoint interval fewer than the stream's history holds.
 pub(crate) const FRAME_WINDOW: u32 = 8;
+/// Who has not answered for so long is named.
+const LONG_WAIT: Duration = Duration::from_secs(10);
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
@@ -60,6 +62,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
         rate: resume.schedule.map_or(1.0, |schedule| schedule.rate()),
         live_speed: (settings.pace == Pace::Live).then_some(speed),
         first_ns: None,
+        held: None,
+        waits_for: None,
     };
     Ok(shell.run(&mut playback)?)
 }
@@ -136,6 +140,10 @@ struct Playback {
     live_speed: Option<f64>,
     /// Stamp of the first message.
     first_ns: Option<u64>,
+    /// Lockstep: since when nothing may be sent, and how much was sent before.
+    held: Option<(Instant, u64)>,
+    /// Who has kept it from sending for long, in words.
+    waits_for: Option<String>,
 }
 
 impl bus::Process for Playback {
@@ -147,6 +155,7 @@ impl bus::Process for Playback {
             return Ok(Next::Finished);
         }
         let next = self.play(context)?;
+        self.watch();
         self.report(context);
         Ok(next)
     }
@@ -229,6 +238,26 @@ impl Playback {
         Ok(Next::Again)
     }
 
+    /// Names who keeps everybody waiting when that takes long.
+    fn watch(&mut self) {
+        let sent = self.lanes.iter().map(|lane| lane.sent).sum();
+        let slowest = self.lanes.iter().filter(|lane| lane.is_held()).find_map(|lane| Some((lane, lane.answers.slowest()?)));
+        let Some((lane, (name, answered))) = slowest.filter(|_| !self.paused) else {
+            (self.held, self.waits_for) = (None, None);
+            return;
+        };
+        match self.held {
+            Some((since, before)) if before == sent => {
+                if since.elapsed() >= LONG_WAIT && self.waits_for.is_none() {
+                    let words = format!("waits for {name}, which has answered {} up to {answered} of {}", lane.service, lane.last.0);
+                    tracing::warn!("{words}");
+                    self.waits_for = Some(words);
+                }
+            }
+            _ => (self.held, self.waits_for) = (Some((Instant::now(), sent)), None),
+        }
+    }
+
     fn report(&self, context: &mut Context<'_>) {
         let last_ns = self.lanes.iter().map(|lane| lane.last.1).max().unwrap_or_default();
         let played_s = last_ns.saturating_sub(self.first_ns.unwrap_or(last_ns)) as f64 * 1e-9;
@@ -236,7 +265,8 @@ impl Playback {
         let at_end = || self.lanes.first().map_or((0, 0), |lane| lane.source.position());
         let (read, bytes) = positions.min().unwrap_or_else(at_end);
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
-        context.note(&format!("{played_s:.1} s of the log, {percent:.0} % of it read"));
+        let so_far = format!("{played_s:.1} s of the log, {percent:.0} % of it read");
+        context.note(&self.waits_for.as_ref().map_or_else(|| so_far.clone(), |waits_for| format!("{waits_for}; {so_far}")));
         for lane in &self.lanes {
             if lane.stream == 0 {
                 context.count("scans played", lane.sent);

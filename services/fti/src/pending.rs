@@ -2,6 +2,7 @@
 
 use beam::Beam;
 use grid::Cell;
+use messages::{FilterVerdict, MAX_READINGS, MAX_REGIONS};
 use serde::{Deserialize, Serialize};
 
 use crate::region::Region;
@@ -35,6 +36,15 @@ pub(crate) struct PendingScan {
     pub(crate) regions: Vec<Region>,
     /// The inputs that came for it, as in `FilterVerdict`.
     pub(crate) inputs: u32,
+}
+
+impl PendingScan {
+    /// Whether its verdict can be given.
+    pub(crate) fn is_possible(&self) -> bool {
+        let regions_are = self.regions.iter().take(MAX_REGIONS).all(|region| region.message().validate().is_ok());
+        let inputs = FilterVerdict::FROM_SONAR | FilterVerdict::FROM_CAMERA;
+        self.readings.len() <= MAX_READINGS && regions_are && self.inputs & !inputs == 0
+    }
 }
 
 mod cells {

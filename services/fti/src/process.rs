@@ -55,12 +55,12 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
     recent.say_again(&mut verdicts)?;
     shell.stay_for(settings.named(BuiltIn::Mapping));
     let mut scans = shell.reader::<SonarScan>()?;
-    scans.skip_to(place.scan);
+    scans.skip_to(place.scan, place.scan_ns);
     let mut sonar = shell.reader::<SonarMotion>()?;
-    sonar.skip_to(place.sonar);
+    sonar.skip_to(place.sonar, place.sonar_ns);
     let camera = if with_camera {
         let mut camera = shell.reader::<CameraMotion>()?;
-        camera.skip_to(place.camera);
+        camera.skip_to(place.camera, place.camera_ns);
         Some(camera)
     } else {
         None
@@ -138,9 +138,7 @@ impl Process for Integration {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more = self.take_inputs()?;
         self.advance()?;
-        if let Some((seq, _)) = self.fti.last_scan() {
-            context.answered::<SonarScan>(seq);
-        }
+        context.answered::<SonarScan>(self.fti.last_scan().map_or(0, |(seq, _)| seq));
         if self.place.scan >= self.checkpointed + CHECKPOINT_SCANS {
             self.save()?;
         }
@@ -192,7 +190,10 @@ impl Integration {
 
     fn take_sonar(&mut self) -> Result<bool, StepError> {
         match self.sonar.take()? {
-            None => return Ok(false),
+            None => {
+                self.fti.take(Input::SonarPassed { seq: self.sonar.passed() });
+                return Ok(false);
+            }
             Some(Received::Message(motion)) => {
                 (self.place.sonar, self.place.sonar_ns) = (motion.seq(), motion.stamp_ns());
                 self.fti.take(Input::Sonar { seq: motion.seq(), motion: &motion });

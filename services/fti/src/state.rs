@@ -34,6 +34,12 @@ pub enum StateError {
         /// Its cells.
         found: usize,
     },
+    /// A scan that no verdict can be given on.
+    #[error("scan {seq} of the state has more readings than a scan, or regions or inputs that there are not")]
+    Scan {
+        /// Its number.
+        seq: u64,
+    },
     /// The parameters it is to go on with.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
@@ -85,6 +91,9 @@ impl Fti {
             return Err(StateError::Version { found });
         }
         let state: State = postcard::from_bytes(rest)?;
+        if let Some(scan) = state.pending.iter().chain(&state.recent).find(|scan| !scan.is_possible()) {
+            return Err(StateError::Scan { seq: scan.seq });
+        }
         let mut fti = Self::new(parameters)?;
         let mut cells = Lattice::new(fti.cell);
         for (row, column, packed) in state.still {

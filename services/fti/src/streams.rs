@@ -27,6 +27,11 @@ pub enum Input<'a> {
         /// What moves.
         motion: &'a SonarMotion,
     },
+    /// STD's answers to scans up to this one have come, or do not come any more.
+    SonarPassed {
+        /// The scan's number.
+        seq: u64,
+    },
     /// SBS's answer to a frame.
     Camera {
         /// The frame's time.
@@ -77,8 +82,8 @@ pub(crate) struct Streams {
     camera_ns: u64,
     camera_ended: bool,
     sonar_ended: bool,
-    /// The newest answer of STD: one to an older scan does not come any more.
-    sonar_seq: u64,
+    /// STD's answer to this scan, or an older one, does not come any more if it has not come.
+    sonar_passed: u64,
     scans_ended: bool,
     newest_ns: u64,
 }
@@ -100,7 +105,7 @@ impl Streams {
                 self.scans.push_back(Waiting { seq, stamp_ns, scan: *scan, motion, answered: early.is_some() });
             }
             Input::Sonar { seq, motion } => {
-                self.sonar_seq = self.sonar_seq.max(seq);
+                self.sonar_passed = self.sonar_passed.max(seq);
                 match self.scans.iter_mut().find(|waiting| waiting.seq == seq) {
                     Some(waiting) => (waiting.motion, waiting.answered) = (*motion, true),
                     None => {
@@ -118,6 +123,7 @@ impl Streams {
                     self.frames.pop_front();
                 }
             }
+            Input::SonarPassed { seq } => self.sonar_passed = self.sonar_passed.max(seq),
             Input::CameraEnded => self.camera_ended = true,
             Input::SonarEnded => self.sonar_ended = true,
             Input::ScansEnded => self.scans_ended = true,
@@ -138,7 +144,7 @@ impl Streams {
         let overdue = self.scans_ended && patience != Patience::Endless
             || self.scans.len() > MOST_SCANS
             || matches!(patience, Patience::Seconds(seconds) if self.newest_ns.saturating_sub(front.stamp_ns) as f64 * 1e-9 > seconds);
-        let sonar_done = front.answered || self.sonar_ended || self.sonar_seq > front.seq;
+        let sonar_done = front.answered || self.sonar_ended || self.sonar_passed >= front.seq;
         let camera_done = !with_camera || self.camera_ended || self.camera_ns >= front.stamp_ns;
         if !(overdue || sonar_done && camera_done) {
             return None;

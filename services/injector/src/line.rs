@@ -21,6 +21,8 @@ pub trait Cargo: Clone {
     fn is_end(&self) -> bool;
     /// Turns over a bit of what it says.
     fn turn_over(&mut self, bit: u64);
+    /// Leaves only the word that it does not come.
+    fn leave_gap(&mut self);
     /// Puts its sensor time forward.
     fn put_forward(&mut self, by_ns: u64);
 }
@@ -55,6 +57,8 @@ pub struct Line<C> {
     /// Stamp of the first message, ns.
     began_ns: Option<u64>,
     newest_ns: u64,
+    /// What is left out is told to readers.
+    tells_gaps: bool,
     /// Messages and when they may go on, ns of deployment time.
     held: VecDeque<(u64, C)>,
     /// A message that waits for the next one.
@@ -76,9 +80,12 @@ struct Scheduled {
 
 impl<C: Cargo> Line<C> {
     /// A line without faults. `began_ns` is the stamp of the stream's first message, when an earlier incarnation has seen it.
+    ///
+    /// With `tells_gaps` readers are told what is left out, which lockstep needs: nothing is sent before they have answered,
+    /// and what never came nobody could answer.
     #[must_use]
-    pub fn new(began_ns: Option<u64>) -> Self {
-        Self { faults: Vec::new(), began_ns, newest_ns: 0, held: VecDeque::new(), overtaken: None, counts: Counts::default() }
+    pub fn new(began_ns: Option<u64>, tells_gaps: bool) -> Self {
+        Self { faults: Vec::new(), tells_gaps, began_ns, newest_ns: 0, held: VecDeque::new(), overtaken: None, counts: Counts::default() }
     }
 
     /// Adds a fault that counts from the first message of the stream.
@@ -145,6 +152,11 @@ impl<C: Cargo> Line<C> {
         if overtaken && copies > 0 && self.overtaken.is_none() {
             self.counts.overtaken += 1;
             self.overtaken = Some(message);
+            return self.release(now_ns, out);
+        }
+        if copies == 0 && self.tells_gaps {
+            message.leave_gap();
+            self.held.push_back((until_ns, message));
             return self.release(now_ns, out);
         }
         let before = if end { self.overtaken.take() } else { None };
@@ -222,6 +234,7 @@ mod tests {
         bits: u64,
         end: bool,
         forward_ns: u64,
+        is_gap: bool,
     }
 
     impl Cargo for Letter {
@@ -237,6 +250,9 @@ mod tests {
         fn turn_over(&mut self, bit: u64) {
             self.bits ^= 1 << (bit % 64);
         }
+        fn leave_gap(&mut self) {
+            self.is_gap = true;
+        }
         fn put_forward(&mut self, by_ns: u64) {
             self.forward_ns += by_ns;
         }
@@ -250,14 +266,18 @@ mod tests {
 
     /// Sends 1 to `last` and the end, each at its own time; what arrived with when it did, in tenths of a second.
     fn carried(last: u64, faults: &[(StreamFault, PlannedFault)]) -> (Vec<(u64, Letter)>, Counts) {
-        let mut line = Line::new(None);
+        let mut line = Line::new(None, false);
         faults.iter().for_each(|(kind, fault)| line.plan(*kind, fault));
         let mut arrived = Vec::new();
         for tenth in 1..=last + 200 {
             let mut out = Vec::new();
             match tenth {
-                _ if tenth <= last => line.take(Letter { seq: tenth, bits: 0, end: false, forward_ns: 0 }, tenth * TENTH_NS, &mut out),
-                _ if tenth == last + 1 => line.take(Letter { seq: last, bits: 0, end: true, forward_ns: 0 }, tenth * TENTH_NS, &mut out),
+                _ if tenth <= last => {
+                    line.take(Letter { seq: tenth, bits: 0, end: false, forward_ns: 0, is_gap: false }, tenth * TENTH_NS, &mut out)
+                }
+                _ if tenth == last + 1 => {
+                    line.take(Letter { seq: last, bits: 0, end: true, forward_ns: 0, is_gap: false }, tenth * TENTH_NS, &mut out)
+                }
                 _ => line.release(tenth * TENTH_NS, &mut out),
             }
             arrived.extend(out.into_iter().map(|letter| (tenth, letter)));
@@ -306,14 +326,28 @@ mod tests {
     }
 
     #[test]
+    fn in_lockstep_what_is_left_out_is_told_in_its_place() {
+        let mut line = Line::new(None, true);
+        let (kind, fault) = fault(StreamFault::Drop, |fault| fault.from_s = 0.2.try_into().unwrap());
+        line.plan(kind, &fault);
+        let mut out = Vec::new();
+        (1..=4).for_each(|seq| line.take(Letter { seq, bits: 0, end: seq == 4, forward_ns: 0, is_gap: false }, seq, &mut out));
+        assert_eq!(
+            out.iter().map(|letter| (letter.seq, letter.is_gap)).collect::<Vec<_>>(),
+            [(1, false), (2, false), (3, true), (4, false)]
+        );
+        assert_eq!(line.counts().dropped, 1);
+    }
+
+    #[test]
     fn a_message_that_is_sent_again_meets_the_same_fault() {
         let half = |fault: &mut PlannedFault| fault.rate = 0.5.try_into().unwrap();
-        let mut line = Line::new(None);
+        let mut line = Line::new(None, false);
         let (kind, fault) = fault(StreamFault::Drop, half);
         line.plan(kind, &fault);
         let pass = |line: &mut Line<Letter>| {
             let mut out = Vec::new();
-            (1..=100).for_each(|seq| line.take(Letter { seq, bits: 0, end: false, forward_ns: 0 }, seq, &mut out));
+            (1..=100).for_each(|seq| line.take(Letter { seq, bits: 0, end: false, forward_ns: 0, is_gap: false }, seq, &mut out));
             out
         };
         let first = pass(&mut line);

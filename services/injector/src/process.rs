@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError};
 use messages::{DeploymentStatus, ProcessStatus};
-use settings::{BuiltIn, Disturbance, Name, PlannedFault, RoutedService, Settings};
+use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
 
 use crate::line::Counts;
 use crate::order::take_orders;
@@ -37,7 +37,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
     let began_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(&saved.state))).unwrap_or_default();
     let mut relays = Vec::new();
     for service in settings.routed_services() {
-        relays.push((service, relay::open(&mut shell, service, began_ns.get(place_of(service)).copied().filter(|began| *began > 0))?));
+        let began_ns = began_ns.get(place_of(service)).copied().filter(|began| *began > 0);
+        relays.push((service, relay::open(&mut shell, service, began_ns, settings.pace == Pace::Lockstep)?));
     }
     let membership = shell.membership();
     let mut injector = Injector {

@@ -26,6 +26,10 @@ impl<T: Payload> Cargo for Raw<T> {
         Raw::turn_over(self, bit);
     }
 
+    fn leave_gap(&mut self) {
+        Raw::leave_gap(self);
+    }
+
     fn put_forward(&mut self, by_ns: u64) {
         Raw::put_forward(self, by_ns);
     }
@@ -55,19 +59,20 @@ struct Carrier<T: Payload> {
     line: Line<Raw<T>>,
 }
 
-/// Opens a routed service; `began_ns` is the stamp of its first message when an earlier incarnation has seen it.
-pub(crate) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>) -> Result<Box<dyn Relay>, BusError> {
+/// Opens a routed service; `began_ns` is the stamp of its first message when an earlier incarnation has seen it, and with
+/// `tells_gaps` its readers are told what is left out.
+pub(crate) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>, tells_gaps: bool) -> Result<Box<dyn Relay>, BusError> {
     Ok(match service {
-        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, began_ns)?),
-        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, began_ns)?),
-        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, began_ns)?),
-        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, began_ns)?),
+        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, began_ns, tells_gaps)?),
+        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, began_ns, tells_gaps)?),
+        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, began_ns, tells_gaps)?),
+        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, began_ns, tells_gaps)?),
     })
 }
 
 impl<T: Payload> Carrier<T> {
-    fn open(shell: &mut Shell, began_ns: Option<u64>) -> Result<Self, BusError> {
-        Ok(Self { tap: shell.tap()?, injection: shell.injection()?, line: Line::new(began_ns) })
+    fn open(shell: &mut Shell, began_ns: Option<u64>, tells_gaps: bool) -> Result<Self, BusError> {
+        Ok(Self { tap: shell.tap()?, injection: shell.injection()?, line: Line::new(began_ns, tells_gaps) })
     }
 
     fn give(&self, messages: &[Raw<T>]) -> Result<(), BusError> {

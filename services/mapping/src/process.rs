@@ -86,15 +86,15 @@ impl Mapping {
         let restored = checkpoint.take_up(|saved| Mapper::restore(parameters.clone(), &saved.state));
         let mapper = restored.unwrap_or_else(|| Mapper::new(parameters));
         let mut scans = shell.reader::<SonarScan>()?;
-        let (last_seq, _) = mapper.last_scan();
+        let (last_seq, last_ns) = mapper.last_scan();
         if last_seq > 0 {
             tracing::info!("goes on after scan {last_seq}");
         }
-        scans.skip_to(last_seq);
+        scans.skip_to(last_seq, last_ns);
         let mut verdicts = None;
         if settings.mapping.expect_verdicts {
             let mut reader = shell.reader::<FilterVerdict>()?;
-            reader.skip_to(mapper.decided_up_to());
+            reader.skip_to(mapper.decided_up_to(), 0);
             verdicts = Some(Verdicts { given: reader, outlooks: shell.reader()? });
         }
         Ok(Self {

@@ -94,9 +94,9 @@ impl Inputs {
 
     /// Leaves out scans and frames up to these: they are in the log already.
     pub(crate) fn skip_to(&mut self, scan: u64, frame: u64) {
-        self.scans.reader.skip_to(scan);
+        self.scans.reader.skip_to(scan, 0);
         if let Some(frames) = &mut self.frames {
-            frames.reader.skip_to(frame);
+            frames.reader.skip_to(frame, 0);
         }
     }
 

@@ -119,7 +119,7 @@ impl Subtraction {
         let checkpoint = shell.checkpoint();
         let kept = Kept::take_up(&checkpoint, parameters(settings));
         let mut frames = shell.frame_reader()?;
-        frames.skip_to(kept.place.seq);
+        frames.skip_to(kept.place.seq, kept.place.stamp_ns);
         let mut motions: Writer<CameraMotion> = shell.writer()?;
         kept.recent.say_again(&mut motions)?;
         Ok(Self {

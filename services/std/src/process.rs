@@ -42,7 +42,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
         tracing::info!("goes on after scan {}", place.seq);
     }
     let mut scans = shell.reader::<SonarScan>()?;
-    scans.skip_to(place.seq);
+    scans.skip_to(place.seq, place.stamp_ns);
     let mut motions = shell.writer()?;
     recent.say_again(&mut motions)?;
     shell.stay_for(settings.named(BuiltIn::Fti));
