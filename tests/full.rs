@@ -8,7 +8,7 @@ mod harness;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use harness::replays::{DRIVE, Watched, replay_settings, sha256_of};
 use harness::{Bench, text};
@@ -40,6 +40,14 @@ fn within(run: &Watched, folder: &Path) -> PathBuf {
     PathBuf::from(format!("/proc/{}/root{}", run.pid(), folder.display()))
 }
 
+/// What a command says that sees the file systems of the run.
+fn beside(bench: &Bench, run: &Watched, arguments: &[&str]) -> Output {
+    let command = bench.stillmap(arguments);
+    let mut beside = bench.stillmap_by("nsenter");
+    beside.args(["-t", &run.pid().to_string(), "-m"]).arg(command.get_program()).args(command.get_args());
+    beside.output().unwrap()
+}
+
 /// Takes everything that is left on a file system; freed when the file is removed.
 fn fill(folder: &Path) -> PathBuf {
     let path = folder.join("ballast");
@@ -49,7 +57,7 @@ fn fill(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn shared_memory_that_is_used_up_kills_whoever_writes_and_the_map_does_not_notice() {
+fn shared_memory_that_is_used_up_is_sat_out_and_the_map_does_not_notice() {
     if !can_mount() {
         return;
     }
@@ -60,11 +68,48 @@ fn shared_memory_that_is_used_up_kills_whoever_writes_and_the_map_does_not_notic
     let mut run = on_a_small_disk(&bench, memory, "80m", &["run", settings.to_str().unwrap()]);
     drop(run.wait_for_line("playback   is up"));
     let ballast = fill(&within(&run, memory));
-    let said = run.wait_for_line("killed by signal 7");
-    assert!(said.contains("as whoever writes when /dev/shm is full"), "{said}");
+    drop(run.wait_for_line("/dev/shm is full: nothing is started until there is room"));
+    let look = beside(&bench, &run, &["status"]);
+    assert!(text(&look.stderr).contains("/dev/shm has ") && look.status.code().is_some(), "{look:?}");
     fs::remove_file(ballast).unwrap();
+    drop(run.wait_for_line("/dev/shm was full for"));
     let ended = run.end();
     assert_eq!(&sha256_of(&ended), undisturbed, "{}", ended.2);
+}
+
+#[test]
+fn the_fault_that_takes_shared_memory_gives_it_back() {
+    if !can_mount() {
+        return;
+    }
+    let (_, log, undisturbed) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
+    let mut run = on_a_small_disk(&bench, Path::new("/dev/shm"), "80m", &["run", settings.to_str().unwrap()]);
+    drop(run.wait_for_line("playback   is up"));
+    let injected = beside(&bench, &run, &["inject", "memory", "--for", "1"]);
+    assert_eq!(injected.status.code(), Some(0), "{injected:?}");
+    assert!(text(&injected.stdout).contains("bytes of shared memory are taken for 1 s"), "{injected:?}");
+    drop(run.wait_for_line("/dev/shm is full: nothing is started until there is room"));
+    drop(run.wait_for_line("/dev/shm was full for"));
+    let ended = run.end();
+    assert_eq!(&sha256_of(&ended), undisturbed, "{}", ended.2);
+}
+
+#[test]
+fn shared_memory_as_large_as_the_computers_is_not_taken() {
+    if !can_mount() {
+        return;
+    }
+    let bench = Bench::new();
+    let more = "[[process]]\nname = \"injector\"\nrun = \"injector\"\n[[fault]]\nkind = \"memory\"\n";
+    let settings = bench.write("replay.toml", &replay_settings("replay", &DRIVE.1, more));
+    let mut run = on_a_small_disk(&bench, Path::new("/dev/shm"), "2g", &["run", settings.to_str().unwrap()]);
+    let said = run.wait_for_line("shared memory is not taken");
+    assert!(said.contains("/dev/shm has ") && said.contains("expected at most 1073741824"), "{said}");
+    let ended = run.end();
+    assert_eq!(sha256_of(&ended), DRIVE.2, "{}", ended.2);
+    assert!(!ended.1.contains("restarted"), "{}", ended.1);
 }
 
 #[test]

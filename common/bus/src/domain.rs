@@ -21,6 +21,7 @@ use crate::broken::BusError;
 use crate::clock::DeploymentClock;
 use crate::fabric::{Channel, Fabric};
 use crate::membership::Membership;
+use crate::memory::{FOR_A_DEPLOYMENT, check_free};
 use crate::outlet::Refresh;
 use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
 use crate::reader::Reader;
@@ -28,8 +29,6 @@ use crate::shell::{drain, listener_descriptor, timespec};
 use crate::state::{Kept, State};
 use crate::writer::Writer;
 
-/// Shared memory that must be free before a deployment starts: a full `/dev/shm` is SIGBUS later, not an error.
-const NEEDED_SHARED_MEMORY: u64 = 64 << 20;
 /// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
 const LOCK_PATIENCE: Duration = Duration::from_secs(5);
 /// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
@@ -122,7 +121,7 @@ impl Domain {
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
         remove_abandoned(&runtime, name);
         let paths = DomainPaths::new(&runtime, name);
-        check_shared_memory()?;
+        check_free(FOR_A_DEPLOYMENT)?;
         let mut lock = take_lock(&paths)?;
         wait_until_deserted(&paths)?;
         let clock = DeploymentClock::start(speed);
@@ -467,15 +466,6 @@ fn check_name(name: &str) -> Result<(), DomainError> {
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if name.is_empty() || name.len() > 40 || !name.chars().all(allowed) {
         return Err(DomainError::Name { name: name.to_owned() });
-    }
-    Ok(())
-}
-
-fn check_shared_memory() -> Result<(), DomainError> {
-    let found = rustix::fs::statvfs("/dev/shm").map_err(|error| DomainError::Io { path: "/dev/shm".into(), source: error.into() })?;
-    let free = found.f_bavail * found.f_frsize;
-    if free < NEEDED_SHARED_MEMORY {
-        return Err(DomainError::SharedMemory { free, needed: NEEDED_SHARED_MEMORY });
     }
     Ok(())
 }

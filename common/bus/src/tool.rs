@@ -13,6 +13,7 @@ use crate::broken::BusError;
 use crate::domain::{DomainError, RunningDomain, join_members};
 use crate::fabric::{Channel, Fabric};
 use crate::frame_reader::FrameReader;
+use crate::memory::{FOR_A_VISITOR, check_free};
 use crate::reader::Reader;
 use crate::shell::{drain, listener_descriptor, timespec};
 
@@ -28,8 +29,9 @@ impl Tool {
     /// Joins a running deployment.
     ///
     /// # Errors
-    /// When it has just ended, or is of another version.
+    /// When it has just ended, is of another version, or shared memory is used up.
     pub fn join(domain: &RunningDomain) -> Result<Self, DomainError> {
+        check_free(FOR_A_VISITOR)?;
         let member = join_members(domain.paths())?;
         let fabric = Fabric::join(domain.paths(), "tool")?;
         Ok(Self { fabric, run: domain.run(), listeners: Vec::new(), _member: member })

@@ -96,6 +96,8 @@ pub enum Disturbance {
         /// What happens to it.
         fault: ProcessFault,
     },
+    /// Shared memory: all of it is taken.
+    Memory,
 }
 
 /// `[[fault]]`: a fault on purpose.
@@ -120,13 +122,13 @@ pub struct PlannedFault {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct Entry {
-    /// The service that is disturbed. Exactly one of `service` and `process` is given.
+    /// The service that is disturbed. Exactly one of `service` and `process` is given, and neither for `memory`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     service: Option<RoutedService>,
     /// The process that is disturbed, by its name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     process: Option<Name>,
-    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk.
+    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory, which takes what is free of `/dev/shm` where that is at most 1 GiB.
     kind: FaultKind,
     /// The share of messages that are hit; for `slow`, the share of time that the process stands.
     #[serde(default)]
@@ -173,12 +175,14 @@ pub enum FaultKind {
     Slow,
     /// The process can write to no file.
     Disk,
+    /// Shared memory is used up.
+    Memory,
 }
 
 /// A fault that does not say whom it concerns, or that its target cannot have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "expected either a service with drop, delay, duplicate, reorder, corrupt, stall, burst or clock, or a process with kill, stop, slow or disk"
+    "expected a service with drop, delay, duplicate, reorder, corrupt, stall, burst or clock, or a process with kill, stop, slow or disk, or neither with memory"
 )]
 pub struct NoSuchFault;
 
@@ -199,10 +203,10 @@ impl RoutedService {
 }
 
 impl Disturbance {
-    /// The disturbance of exactly one of a service and a process.
+    /// The disturbance of a service, of a process, or where neither is given of the computer.
     ///
     /// # Errors
-    /// When neither or both are given, or it cannot happen to what is given.
+    /// When both are given, or it cannot happen to what is given.
     pub fn new(service: Option<RoutedService>, process: Option<Name>, kind: FaultKind) -> Result<Self, NoSuchFault> {
         let on_service = |fault| match (service, &process) {
             (Some(service), None) => Ok(Self::Service { service, fault }),
@@ -225,6 +229,8 @@ impl Disturbance {
             FaultKind::Stop => on_process(ProcessFault::Stop),
             FaultKind::Slow => on_process(ProcessFault::Slow),
             FaultKind::Disk => on_process(ProcessFault::Disk),
+            FaultKind::Memory if service.is_none() && process.is_none() => Ok(Self::Memory),
+            FaultKind::Memory => Err(NoSuchFault),
         }
     }
 
@@ -246,6 +252,7 @@ impl Disturbance {
                 ProcessFault::Slow => FaultKind::Slow,
                 ProcessFault::Disk => FaultKind::Disk,
             },
+            Self::Memory => FaultKind::Memory,
         }
     }
 }
@@ -281,6 +288,7 @@ impl From<PlannedFault> for Entry {
         let (service, process) = match fault.disturbance {
             Disturbance::Service { service, .. } => (Some(service), None),
             Disturbance::Process { process, .. } => (None, Some(process)),
+            Disturbance::Memory => (None, None),
         };
         let PlannedFault { rate, from_s, for_s, by_s, seed, .. } = fault;
         Self { service, process, kind, rate, from_s, for_s, by_s, seed }
@@ -313,6 +321,16 @@ mod tests {
             for wrong in [bad, "", "service = \"robot/scan\"\nprocess = \"mapping\""] {
                 assert!(toml::from_str::<File>(&text(wrong)).is_err(), "{kind}: {wrong}");
             }
+        }
+    }
+
+    #[test]
+    fn memory_is_nobodys() {
+        let read: File = toml::from_str("[[fault]]\nkind = \"memory\"\nfor_s = 3.0\n").unwrap();
+        assert_eq!(read.fault[0].disturbance, Disturbance::Memory);
+        assert_eq!(toml::from_str::<File>(&toml::to_string(&read).unwrap()).unwrap().fault, read.fault);
+        for whose in ["service = \"robot/scan\"", "process = \"mapping\""] {
+            assert!(toml::from_str::<File>(&format!("[[fault]]\nkind = \"memory\"\n{whose}\n")).is_err(), "{whose}");
         }
     }
 

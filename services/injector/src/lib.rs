@@ -3,9 +3,10 @@
 //! A service that is routed in a deployment's settings goes through the injector: its publishers send to the injector, and the
 //! injector sends to its readers. Neither they nor the readers are built for it. [`Line`] decides what becomes of each message;
 //! whether a fault hits one follows from the fault's seed and the message's number alone, so that a run that is repeated, or a
-//! message that is sent again, meets the same faults. [`Timetable`] says when a process is to be disturbed.
+//! message that is sent again, meets the same faults. [`Timetable`] says when a process is to be disturbed, or shared memory taken ([`Ballast`]).
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod ballast;
 mod chance;
 mod line;
 mod order;
@@ -14,8 +15,9 @@ mod relay;
 mod signals;
 mod timetable;
 
+pub use ballast::{Ballast, BallastError};
 pub use line::{Cargo, Counts, Line};
 pub use order::{OrderError, give_order, read_order};
 pub use process::{InjectorError, run};
 pub use signals::{SignalError, Victim};
-pub use timetable::{Deed, Timetable};
+pub use timetable::{Deed, Harm, Timetable};

@@ -8,11 +8,12 @@ use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunErr
 use messages::{DeploymentStatus, ProcessStatus};
 use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
 
+use crate::ballast::Ballast;
 use crate::line::Counts;
 use crate::order::take_orders;
 use crate::relay::{self, Relay};
 use crate::signals::Victim;
-use crate::timetable::{Deed, Timetable};
+use crate::timetable::{Deed, Harm, Timetable};
 
 /// Shortest wait for a due time: what is due within it comes a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
@@ -44,6 +45,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
     let mut injector = Injector {
         relays,
         timetable: Timetable::default(),
+        ballast: Ballast::default(),
+        ballast_refused: false,
         statuses: Vec::new(),
         bystanders: [BuiltIn::Injector, BuiltIn::Recorder, BuiltIn::Viewer].into_iter().flat_map(|kind| settings.named(kind)).collect(),
         others_are_over: false,
@@ -68,6 +71,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
 struct Injector {
     relays: Vec<(RoutedService, Box<dyn Relay>)>,
     timetable: Timetable,
+    ballast: Ballast,
+    /// Shared memory could not be taken, and that has been said.
+    ballast_refused: bool,
     /// Processes and their ids, as last heard.
     statuses: Vec<(String, u32)>,
     /// Those that go on until everybody else has ended.
@@ -121,7 +127,7 @@ impl Injector {
                     relay.plan(*kind, fault);
                 }
             }
-            Disturbance::Process { process, fault: kind } => self.timetable.plan(process, *kind, fault, 0.0, since_s),
+            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, 0.0, since_s),
         }
     }
 
@@ -136,7 +142,7 @@ impl Injector {
                 }
                 None => tracing::warn!("{} does not go through the injector: [injector] services does not name it", service.name()),
             },
-            Disturbance::Process { process, fault: kind } => self.timetable.plan(process, *kind, fault, now_s, -1.0),
+            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, now_s, -1.0),
         }
     }
 
@@ -151,20 +157,35 @@ impl Injector {
         Ok(())
     }
 
-    /// Does to processes what is due.
+    /// Does what is due to processes and to shared memory.
     fn disturb(&mut self) {
-        for (process, deed) in self.timetable.due(self.started.elapsed_s()) {
-            match self.suffer(&process, deed) {
-                Ok(()) if deed == Deed::FillDisk => {}
-                Ok(()) => self.disturbed += 1,
-                Err(error) => tracing::debug!("{}: {deed:?}: {error}", process.as_str()),
+        for deed in self.timetable.due(self.started.elapsed_s()) {
+            match deed {
+                Deed::Suffer(process, harm) => match self.suffer(&process, harm) {
+                    Ok(()) if harm == Harm::FillDisk => {}
+                    Ok(()) => self.disturbed += 1,
+                    Err(error) => tracing::debug!("{}: {harm:?}: {error}", process.as_str()),
+                },
+                Deed::FillMemory => self.fill_memory(),
+                Deed::FreeMemory => self.ballast.free(),
             }
         }
     }
 
-    fn suffer(&self, process: &Name, deed: Deed) -> Result<(), crate::SignalError> {
+    fn suffer(&self, process: &Name, harm: Harm) -> Result<(), crate::SignalError> {
         let pid = self.statuses.iter().find(|(name, _)| name == process.as_str()).map_or(0, |(_, pid)| *pid);
-        Victim::find(self.supervisor, pid)?.suffer(deed)
+        Victim::find(self.supervisor, pid)?.suffer(harm)
+    }
+
+    fn fill_memory(&mut self) {
+        match self.ballast.fill() {
+            Ok(()) => {}
+            Err(_) if self.ballast_refused => {}
+            Err(error) => {
+                self.ballast_refused = true;
+                tracing::warn!("shared memory is not taken: {error}");
+            }
+        }
     }
 
     fn wait(&self, now_ns: u64) -> Next {
@@ -220,6 +241,7 @@ impl Injector {
         context.count("messages held back", all.held);
         context.count("messages set forward", all.set_forward);
         context.count("deeds done to processes", self.disturbed);
+        context.count("bytes of shared memory taken", self.ballast.bytes());
     }
 }
 

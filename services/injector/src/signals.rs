@@ -4,7 +4,7 @@ use std::io;
 
 use rustix::process::{Pid, PidfdFlags, Resource, Rlimit, Signal, getrlimit, pidfd_open, pidfd_send_signal, prlimit};
 
-use crate::timetable::Deed;
+use crate::timetable::Harm;
 
 /// A process that could not be disturbed.
 #[derive(Debug, thiserror::Error)]
@@ -52,13 +52,13 @@ impl Victim {
     ///
     /// # Errors
     /// When the system refuses, or the process is gone.
-    pub fn suffer(&self, deed: Deed) -> Result<(), SignalError> {
-        match deed {
-            Deed::Kill => self.signal(Signal::KILL),
-            Deed::Stop => self.signal(Signal::STOP),
-            Deed::Continue => self.signal(Signal::CONT),
-            Deed::FillDisk => self.limit_files(Some(self.largest_file())),
-            Deed::FreeDisk => self.limit_files(None),
+    pub fn suffer(&self, harm: Harm) -> Result<(), SignalError> {
+        match harm {
+            Harm::Kill => self.signal(Signal::KILL),
+            Harm::Stop => self.signal(Signal::STOP),
+            Harm::Continue => self.signal(Signal::CONT),
+            Harm::FillDisk => self.limit_files(Some(self.largest_file())),
+            Harm::FreeDisk => self.limit_files(None),
         }
     }
 
@@ -101,11 +101,11 @@ mod tests {
     fn a_child_is_killed_and_a_stranger_is_not() {
         let mut child = Command::new("cat").stdin(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
         let victim = Victim::find(std::process::id(), child.id()).unwrap();
-        victim.suffer(Deed::Stop).unwrap();
-        victim.suffer(Deed::Continue).unwrap();
-        victim.suffer(Deed::FillDisk).unwrap();
-        victim.suffer(Deed::FreeDisk).unwrap();
-        victim.suffer(Deed::Kill).unwrap();
+        victim.suffer(Harm::Stop).unwrap();
+        victim.suffer(Harm::Continue).unwrap();
+        victim.suffer(Harm::FillDisk).unwrap();
+        victim.suffer(Harm::FreeDisk).unwrap();
+        victim.suffer(Harm::Kill).unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));
         assert!(matches!(Victim::find(std::process::id(), child.id()), Err(SignalError::Stranger { .. })));
         assert!(matches!(Victim::find(std::process::id(), 1), Err(SignalError::Stranger { .. })));

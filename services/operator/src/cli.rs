@@ -131,9 +131,9 @@ pub(crate) struct RunOptions {
 }
 
 #[derive(Debug, Clone, Args)]
-#[command(group = clap::ArgGroup::new("whom").required(true))]
+#[command(group = clap::ArgGroup::new("whom"))]
 pub(crate) struct InjectOptions {
-    /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk
+    /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory
     #[arg(value_name = "KIND")]
     pub(crate) kind: String,
     /// The service, for example robot/scan; it has to go through an injector

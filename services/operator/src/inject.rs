@@ -5,15 +5,15 @@ use crate::exit::BadInput;
 use crate::output;
 use crate::status::choose;
 use bus::{Reader, Received, RunningDomain, Tool};
-use injector::{Deed, Timetable, Victim};
+use injector::{Ballast, Deed, Harm, Timetable, Victim};
 use messages::DeploymentStatus;
-use settings::{Disturbance, Name, PlannedFault, ProcessFault, Settings};
+use settings::{Disturbance, Name, PlannedFault, Settings};
 use std::time::{Duration, Instant};
 
 /// How long a supervisor may take to tell which processes there are; it does so once a second.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Makes the fault: one of a service is the injector's to make, one of a process is made here until it is over.
+/// Makes the fault: one of a service is the injector's to make, one of a process or of memory is made here until it is over.
 pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
     let fault = injector::read_order("stillmap inject", &as_text(options))?;
     let domain = choose(&options.which)?;
@@ -31,12 +31,13 @@ pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
             output::line(&format!("{name}: {} for {} s", options.kind, options.for_s))?;
             Ok(0)
         }
-        Disturbance::Process { process, fault: kind } => {
+        Disturbance::Process { process, .. } => {
             if !settings.process.iter().any(|it| it.name == *process) {
                 return Err(BadInput(format!("deployment {} has no process {}", domain.name(), process.as_str())).into());
             }
-            disturb(&domain, process, *kind, &fault)
+            disturb(&domain, process, &fault)
         }
+        Disturbance::Memory => take_memory(&fault),
     }
 }
 
@@ -50,11 +51,11 @@ fn as_text(options: &InjectOptions) -> String {
 }
 
 /// Disturbs a process until the fault is over; seconds here are those of the wall clock.
-fn disturb(domain: &RunningDomain, process: &Name, kind: ProcessFault, fault: &PlannedFault) -> anyhow::Result<u8> {
+fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<u8> {
     let mut tool = Tool::join(domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut timetable = Timetable::default();
-    timetable.plan(process, kind, fault, 0.0, -1.0);
+    timetable.plan(fault, 0.0, -1.0);
     let mut pid = None;
     let asked = Instant::now();
     while pid.is_none() {
@@ -68,10 +69,11 @@ fn disturb(domain: &RunningDomain, process: &Name, kind: ProcessFault, fault: &P
     loop {
         hear(&mut statuses, process, &mut pid)?;
         let now_s = started.elapsed().as_secs_f64();
-        for (_, deed) in timetable.due(now_s) {
-            let done = pid.map(|pid| Victim::find(domain.pid(), pid).and_then(|victim| victim.suffer(deed)));
-            match (done, deed) {
-                (Some(Ok(())), Deed::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
+        for deed in timetable.due(now_s) {
+            let Deed::Suffer(_, harm) = deed else { continue };
+            let done = pid.map(|pid| Victim::find(domain.pid(), pid).and_then(|victim| victim.suffer(harm)));
+            match (done, harm) {
+                (Some(Ok(())), Harm::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
                 (Some(Ok(())), _) | (None, _) => {}
                 // It died of it, or of something else: the next incarnation is heard of soon.
                 (Some(Err(error)), _) => tracing::debug!("{error}"),
@@ -80,6 +82,33 @@ fn disturb(domain: &RunningDomain, process: &Name, kind: ProcessFault, fault: &P
         match timetable.next_s(now_s) {
             None => return Ok(0),
             Some(next_s) => tool.wait(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0)))?,
+        }
+    }
+}
+
+/// Takes what is free of shared memory, again and again, until the fault is over.
+fn take_memory(fault: &PlannedFault) -> anyhow::Result<u8> {
+    let mut ballast = Ballast::default();
+    let mut timetable = Timetable::default();
+    timetable.plan(fault, 0.0, -1.0);
+    let started = Instant::now();
+    let mut said = false;
+    loop {
+        let now_s = started.elapsed().as_secs_f64();
+        for deed in timetable.due(now_s) {
+            match deed {
+                Deed::FillMemory => ballast.fill().map_err(|error| BadInput(error.to_string()))?,
+                Deed::FreeMemory => ballast.free(),
+                Deed::Suffer(..) => {}
+            }
+        }
+        if !said {
+            output::line(&format!("{} bytes of shared memory are taken for {} s", ballast.bytes(), fault.for_s.get()))?;
+            said = true;
+        }
+        match timetable.next_s(now_s) {
+            None => return Ok(0),
+            Some(next_s) => std::thread::sleep(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0))),
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{DeploymentClock, Domain, Kept, Received};
+use bus::{DeploymentClock, Domain, Kept, Received, shared_memory_is_short};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
@@ -31,6 +31,9 @@ const LOOK: Duration = Duration::from_millis(100);
 const LOOK_AT_START: Duration = Duration::from_millis(10);
 /// How often the status is published when nothing changes, and rates are measured.
 const SAMPLE: Duration = Duration::from_secs(1);
+
+/// How often shared memory is looked at while there is none.
+const LOOK_AT_MEMORY: Duration = Duration::from_millis(50);
 
 /// Runs a deployment to its end: until a process that ends the run has finished, or somebody asks (SIGINT, SIGTERM, SIGHUP).
 ///
@@ -118,6 +121,7 @@ impl<'a> Supervisor<'a> {
         while !self.deployment.is_over() {
             self.publish_status(changed, on_report)?;
             self.wait()?;
+            self.sit_out_full_memory()?;
             self.domain.refresh();
             changed = self.take_stop_requests()?;
             changed |= self.take_heartbeats()?;
@@ -227,6 +231,28 @@ impl<'a> Supervisor<'a> {
             Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
             Err(error) => Err(RunError::System { what: "poll", source: error.into() }),
         }
+    }
+
+    /// While shared memory is used up, touches none of it, starts nothing and takes nobody for hung: whoever needs more of it is
+    /// killed, and that may not be the supervisor. The time in which it waited has not passed for anybody. A request to stop ends the wait.
+    fn sit_out_full_memory(&mut self) -> Result<(), RunError> {
+        if !shared_memory_is_short() {
+            return Ok(());
+        }
+        let since = Instant::now();
+        tracing::warn!("/dev/shm is full: nothing is started until there is room");
+        let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(LOOK_AT_MEMORY.subsec_nanos()) };
+        while shared_memory_is_short() {
+            let mut stop_asked = [PollFd::new(&self.stop_requests, PollFlags::IN)];
+            match poll(&mut stop_asked, Some(&timeout)) {
+                Ok(0) | Err(rustix::io::Errno::INTR) => {}
+                Ok(_) => break,
+                Err(error) => return Err(RunError::System { what: "poll", source: error.into() }),
+            }
+        }
+        self.started += since.elapsed();
+        tracing::info!("/dev/shm was full for {:.1} s", since.elapsed().as_secs_f64());
+        Ok(())
     }
 
     fn take_stop_requests(&mut self) -> Result<bool, RunError> {
