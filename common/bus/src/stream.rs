@@ -132,7 +132,7 @@ impl Stream {
         }
         let kind = Kind::from_number(header.kind);
         let problem =
-            if service.sequenced && kind != Some(Kind::Gap) && header.seq > account.handed_out && header.stamp_ns < self.last_stamp_ns {
+            if service.sequenced && kind == Some(Kind::Data) && header.seq > account.handed_out && header.stamp_ns < self.last_stamp_ns {
                 Some(format!("its stamp {} ns is before {} ns", header.stamp_ns, self.last_stamp_ns))
             } else {
                 match kind {
@@ -251,6 +251,14 @@ mod tests {
         let other_run = Header { run: RUN + 1, ..header(Kind::Data, 400, 0) };
         assert!(!is_handed_out(&mut stream, &other_run));
         assert_eq!(stream.passed(), 2 + history);
+    }
+
+    #[test]
+    fn the_end_comes_whatever_its_clock_says() {
+        let mut stream = stream();
+        assert!(is_handed_out(&mut stream, &header(Kind::Data, 1, 1_000)));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 2, 900)));
+        assert!(matches!(stream.admit(&header(Kind::End, 2, 900), || CHECKSUM, || Ok(())), Admission::End { seq: 2 }));
     }
 
     #[test]
