@@ -22,7 +22,7 @@ use crate::codec::{Decoder, Encode, StateError};
 use crate::layer::Layer;
 use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
 use crate::pending::{Decision, PendingScan};
-use crate::way::{MAX_PLACES, Way};
+use crate::way::{MAX_LENGTH_M, MAX_PLACES, Way};
 
 const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x02";
 const TILE_BYTES: usize = 8 + 4 * grid::TILE_CELLS;
@@ -62,7 +62,7 @@ impl Mapper {
         let from = &mut Decoder::new(bytes);
         let mut mapper = Mapper::new(parameters);
         let name = from.bytes::<8>()?;
-        from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x01: the state of a map, version 1")?;
+        from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x02: the state of a map, version 2")?;
         let cell_m = from.f64()?;
         from.require(cell_m.to_bits() == mapper.parameters.cell_m().to_bits(), cell_m, "the edge of a cell that is set")?;
         let l_max = from.f32()?;
@@ -110,7 +110,7 @@ fn put_way(bytes: &mut Vec<u8>, way: &Way) {
 fn take_way(from: &mut Decoder<'_>) -> Result<Way, StateError> {
     let (step_m, length_m) = (from.f64()?, from.f64()?);
     from.require(step_m > 0.0 && step_m.is_finite(), step_m, "a step of the way above 0")?;
-    from.require(length_m >= 0.0 && length_m.is_finite(), length_m, "a length of the way")?;
+    from.require((0.0..=MAX_LENGTH_M).contains(&length_m), length_m, "a length of the way")?;
     let count = from.count(8)?;
     from.require(count <= MAX_PLACES, count, "at most 16384 places of the way")?;
     let mut places_m = Vec::with_capacity(count);

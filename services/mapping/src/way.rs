@@ -7,6 +7,9 @@ const FIRST_STEP_M: f64 = 0.01;
 /// Most places kept: when there are more, every second goes and the step doubles, so that a long drive takes no more memory.
 pub(crate) const MAX_PLACES: usize = 16_384;
 
+/// A longer way is not told apart: messages tell of none.
+pub(crate) const MAX_LENGTH_M: f64 = 1e9;
+
 /// Where the robot has been, decimated.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Way {
@@ -36,7 +39,7 @@ impl Way {
             if moved < self.step_m {
                 return;
             }
-            self.length_m += moved;
+            self.length_m = (self.length_m + moved).min(MAX_LENGTH_M);
         }
         self.places_m.push([pose.x_m as f32, pose.y_m as f32]);
         if self.places_m.len() > MAX_PLACES {
@@ -95,6 +98,13 @@ mod tests {
         assert_eq!(way.next_chunk().unwrap().first, 600);
         way.send_again();
         assert_eq!(way.next_chunk().unwrap().first, 0);
+    }
+
+    #[test]
+    fn no_way_is_longer_than_can_be_told() {
+        let mut way = Way::default();
+        (0..2_000).for_each(|i| way.visit(&along_x(if i % 2 == 0 { 1e6 } else { -1e6 })));
+        assert_eq!(way.length_m, MAX_LENGTH_M);
     }
 
     #[test]

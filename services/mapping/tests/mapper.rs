@@ -5,7 +5,9 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use messages::{FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook};
+use messages::{
+    FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Payload, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook,
+};
 use proptest::prelude::*;
 use settings::{Mapping, Pace};
 use stillmap_mapping::{Input, Mapper, Parameters, Refused};
@@ -333,6 +335,7 @@ fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
             flipped[byte] ^= 1 << bit;
             if let Ok(mut mapper) = Mapper::restore(parameters.clone(), &flipped) {
                 assert_eq!(mapper.save(), flipped);
+                assert!(mapper.summary().validate().is_ok(), "bit {bit} of byte {byte}");
                 if byte % 16 == 0 {
                     mapper.refresh();
                     mapper.step(Input::End).unwrap();
