@@ -3,7 +3,12 @@
 
 mod harness;
 
+use std::path::Path;
+
+use drivelog::{Ending, Entry, Log, Outcome, Preamble, Recording};
+use harness::replays::{Watched, children, replay_settings, sha256_of};
 use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256};
+use messages::{Pose, SonarReading, SonarScan};
 
 const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
 
@@ -56,6 +61,52 @@ fn recorder_and_its_log_is_whole() {
     let driven = survives_the_kill_of("recorder", &bench);
     assert!(bench.path("out").join("drive.2.mcap").exists(), "the log goes on in a second part");
     assert_eq!(replayed(&bench), driven);
+}
+
+/// A drive along a wall, of so many scans, as a log.
+fn write_log(path: &Path, scans: u64) {
+    let preamble =
+        Preamble { run: 1, robot: "pioneer-1".into(), sonars: vec![Pose::default()], origin: "a test".into(), settings: String::new() };
+    let mut recording = Recording::new(&preamble).unwrap();
+    for seq in 1..=scans {
+        let wall =
+            SonarReading { mount: Pose { yaw_rad: std::f64::consts::FRAC_PI_2, ..Pose::default() }, range_m: 1.0, sonar: 0, echo: 1 };
+        let scan = SonarScan::new(Pose { x_m: seq as f64 * 0.01, ..Pose::default() }, &[wall], false);
+        recording.scan(seq, seq * 100_000_000, &scan).unwrap();
+    }
+    recording.end::<SonarScan>(scans, scans * 100_000_000).unwrap();
+    std::fs::write(path, recording.finish().unwrap()).unwrap();
+}
+
+#[test]
+fn recorder_of_a_log_that_is_too_long_for_one_file() {
+    const SCANS: u64 = 1500;
+    let bench = Bench::new();
+    let log = bench.path("long.mcap");
+    write_log(&log, SCANS);
+    // The recorder flushes each scan, since the next one comes only then: every one is a chunk.
+    let settings = bench.write("long.toml", &replay_settings("long", &log, "").replace("window = 16", "window = 1"));
+    let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
+    let said = run.wait_for_line("recording goes on in");
+    assert!(said.contains("drive.2.mcap"), "{said}");
+    let recorder = children(run.pid()).into_iter().find(|(name, _)| name == "recorder");
+    kill(recorder.unwrap().1);
+    let map = sha256_of(&run.end());
+
+    let path = bench.path("long-out").join("drive.mcap");
+    let mut again = Log::open(&path).unwrap();
+    let mut scans = Vec::new();
+    while let Some(entry) = again.next_of::<SonarScan>().unwrap() {
+        scans.extend(if let Entry::Message { seq, .. } = entry { Some(seq) } else { None });
+    }
+    assert_eq!(scans, (1..=SCANS).collect::<Vec<_>>());
+    let names: Vec<_> = again.parts().iter().map(|part| part.path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["drive.mcap", "drive.2.mcap", "drive.3.mcap"]);
+    for whole in [&again.parts()[0], &again.parts()[2]] {
+        assert_eq!(whole.outcome, Outcome::Read(Ending::Complete), "{whole:?}");
+    }
+    let settings = bench.write("again.toml", &replay_settings("again", &path, ""));
+    assert_eq!(sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end()), map);
 }
 
 /// The hash of the map that the log gives.

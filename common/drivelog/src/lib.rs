@@ -33,7 +33,7 @@ pub use mirror::Unfit;
 pub use part::{Channel, Ending, RawMessage};
 pub use parts::{following_parts, part_path};
 pub use preamble::Preamble;
-pub use recording::Recording;
+pub use recording::{Recording, Scene};
 pub use recover::{Recovered, recover};
 pub use robond::{Imported, import_robond};
 pub use tile::timestamp;

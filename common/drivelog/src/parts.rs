@@ -1,4 +1,5 @@
-//! The files of a log: `drive.mcap`, and `drive.2.mcap`, `drive.3.mcap` … that a restarted recorder went on in.
+//! The files of a log: `drive.mcap`, and `drive.2.mcap`, `drive.3.mcap` … that its recorder went on in: restarted, after a full
+//! disk, or because the log is long.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -17,14 +17,20 @@ use crate::writer::{LogWriter, Times};
 /// up to the last message, whatever happens next.
 pub struct Recording {
     log: LogWriter,
+    scene: Scene,
+    /// Reports before the first sensor stamp.
+    early: VecDeque<Held>,
+}
+
+/// How far a recording has come, for its next part to begin with.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
     /// The map by layer.
     pictures: BTreeMap<u32, MapView>,
     /// Number and stamp of the last tile.
     last_tile: (u64, u64),
     /// The latest sensor stamp.
     now_ns: Option<u64>,
-    /// Reports before the first sensor stamp.
-    early: VecDeque<Held>,
 }
 
 /// Reports that are held until there is a sensor stamp; of more, the oldest go.
@@ -39,7 +45,19 @@ impl Recording {
     /// # Errors
     /// When the preamble is too large for the format.
     pub fn new(preamble: &Preamble) -> Result<Self, WriteError> {
-        Ok(Self { log: LogWriter::new(preamble)?, pictures: BTreeMap::new(), last_tile: (0, 0), now_ns: None, early: VecDeque::new() })
+        Ok(Self { log: LogWriter::new(preamble)?, scene: Scene::default(), early: VecDeque::new() })
+    }
+
+    /// A log that goes on where another one ended: it starts with the whole map as it was then, so that it can be looked at by
+    /// itself.
+    ///
+    /// # Errors
+    /// As [`Recording::new`].
+    pub fn after(scene: Scene, preamble: &Preamble) -> Result<Self, WriteError> {
+        let layers: Vec<u32> = scene.pictures.keys().copied().collect();
+        let mut recording = Self { log: LogWriter::new(preamble)?, scene, early: VecDeque::new() };
+        layers.into_iter().try_for_each(|layer| recording.show_picture(layer))?;
+        Ok(recording)
     }
 
     /// Adds a message whose stamp is sensor time.
@@ -57,7 +75,7 @@ impl Recording {
     /// # Errors
     /// As [`message`](Self::message).
     pub fn report<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
-        if let Some(log_ns) = self.now_ns {
+        if let Some(log_ns) = self.scene.now_ns {
             return self.log.report(log_ns, seq, stamp_ns, payload);
         }
         if self.early.len() == MAX_EARLY {
@@ -70,8 +88,12 @@ impl Recording {
 
     /// The log's time line has come to this stamp.
     fn come_to(&mut self, stamp_ns: u64) -> Result<(), WriteError> {
-        self.now_ns = self.now_ns.max(Some(stamp_ns));
-        self.early.drain(..).try_for_each(|report| report(&mut self.log, stamp_ns))
+        self.scene.now_ns = self.scene.now_ns.max(Some(stamp_ns));
+        self.place_early(stamp_ns)
+    }
+
+    fn place_early(&mut self, log_ns: u64) -> Result<(), WriteError> {
+        self.early.drain(..).try_for_each(|report| report(&mut self.log, log_ns))
     }
 
     /// Adds a scan, and its pose as Foxglove shows it.
@@ -89,8 +111,8 @@ impl Recording {
     /// As [`message`](Self::message).
     pub fn tile(&mut self, seq: u64, stamp_ns: u64, tile: &MapTile) -> Result<(), WriteError> {
         self.message(seq, stamp_ns, tile)?;
-        self.last_tile = (seq, stamp_ns);
-        let picture = self.pictures.entry(tile.layer).or_default();
+        self.scene.last_tile = (seq, stamp_ns);
+        let picture = self.scene.pictures.entry(tile.layer).or_default();
         picture.take(tile);
         if picture.is_due() { self.show_picture(tile.layer) } else { Ok(()) }
     }
@@ -135,22 +157,37 @@ impl Recording {
         self.log.take()
     }
 
+    /// Chunks so far: the index that ends the log has an entry for each, which is in memory until then.
+    #[must_use]
+    pub fn chunks(&self) -> u64 {
+        self.log.chunks()
+    }
+
     /// Ends the log with the map as it is and with its index; what it returns is the rest of the bytes.
     ///
     /// # Errors
     /// As [`message`](Self::message).
-    pub fn finish(mut self) -> Result<Vec<u8>, WriteError> {
-        let stale: Vec<u32> = self.pictures.iter().filter(|(_, picture)| picture.is_stale()).map(|(layer, _)| *layer).collect();
+    pub fn finish(self) -> Result<Vec<u8>, WriteError> {
+        self.finish_part().map(|(bytes, _)| bytes)
+    }
+
+    /// As [`finish`](Self::finish), for a log that goes on in another file with [`after`](Self::after).
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn finish_part(mut self) -> Result<(Vec<u8>, Scene), WriteError> {
+        let pictures = self.scene.pictures.iter();
+        let stale: Vec<u32> = pictures.filter(|(_, picture)| picture.is_stale()).map(|(layer, _)| *layer).collect();
         for layer in stale {
             self.show_picture(layer)?;
         }
-        self.come_to(0)?;
-        self.log.finish()
+        self.place_early(0)?;
+        Ok((self.log.finish()?, self.scene))
     }
 
     fn show_picture(&mut self, layer: u32) -> Result<(), WriteError> {
-        let (seq, stamp_ns) = self.last_tile;
-        match self.pictures.get_mut(&layer).and_then(|picture| picture.draw(stamp_ns)) {
+        let (seq, stamp_ns) = self.scene.last_tile;
+        match self.scene.pictures.get_mut(&layer).and_then(|picture| picture.draw(stamp_ns)) {
             Some(data) => self.log.raw(MapView::topic(layer), MapView::format, Times::of(stamp_ns), seq as u32, &data),
             None => Ok(()),
         }

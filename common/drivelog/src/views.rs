@@ -45,7 +45,7 @@ impl PoseView {
 ///
 /// A picture is due when as many bytes of tiles have come as it takes: the pictures of a log are never more than its tiles,
 /// however large the map grows.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct MapView {
     /// Shades by row and column of the tile, from 0 (occupied) to 254 (free).
     tiles: BTreeMap<(i32, i32), Box<[u8; TILE_CELLS]>>,

@@ -54,11 +54,18 @@ pub(crate) struct LogWriter {
     writer: mcap::Writer<NoSeek<Outbox>>,
     outbox: Outbox,
     channels: BTreeMap<String, u16>,
+    chunks: u64,
 }
 
 /// The bytes that the MCAP writer has let go.
 #[derive(Clone, Default)]
 struct Outbox(Rc<RefCell<Vec<u8>>>);
+
+impl Outbox {
+    fn len(&self) -> usize {
+        self.0.borrow().len()
+    }
+}
 
 impl Write for Outbox {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
@@ -87,7 +94,7 @@ impl LogWriter {
             .create(NoSeek::new(outbox.clone()))?;
         writer.attach(&preamble.attachment())?;
         writer.write_metadata(&preamble.metadata())?;
-        Ok(Self { writer, outbox, channels: BTreeMap::new() })
+        Ok(Self { writer, outbox, channels: BTreeMap::new(), chunks: 0 })
     }
 
     /// Adds a message of a service.
@@ -131,7 +138,15 @@ impl LogWriter {
             None => self.add_channel(topic, &format())?,
         };
         let header = MessageHeader { channel_id, sequence, log_time: times.log_ns, publish_time: times.stamp_ns };
-        Ok(self.writer.write_to_known_channel(&header, data)?)
+        self.counting(|writer| writer.write_to_known_channel(&header, data))
+    }
+
+    /// Does what may close a chunk; only a chunk that is closed comes out.
+    fn counting(&mut self, write: impl FnOnce(&mut mcap::Writer<NoSeek<Outbox>>) -> Result<(), mcap::McapError>) -> Result<(), WriteError> {
+        let before = self.outbox.len();
+        write(&mut self.writer)?;
+        self.chunks += u64::from(self.outbox.len() > before);
+        Ok(())
     }
 
     fn add_channel(&mut self, topic: &str, format: &Format) -> Result<u16, WriteError> {
@@ -149,7 +164,13 @@ impl LogWriter {
     /// # Errors
     /// As [`message`](Self::message).
     pub(crate) fn flush(&mut self) -> Result<(), WriteError> {
-        Ok(self.writer.flush()?)
+        self.counting(mcap::Writer::flush)
+    }
+
+    /// Chunks closed so far. Each has its place in the index that ends the log; until then the index is in memory.
+    #[must_use]
+    pub(crate) fn chunks(&self) -> u64 {
+        self.chunks
     }
 
     /// The bytes that have become ready since they were last taken.

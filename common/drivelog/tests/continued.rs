@@ -5,15 +5,19 @@ mod payloads;
 
 use std::path::Path;
 
-use messages::{Heartbeat, Payload, SonarScan};
-use stillmap_drivelog::{Ending, Entry, Log, Outcome, Recording, info, part_path, recover};
+use messages::{Heartbeat, MapTile, Payload, SonarScan};
+use proptest::prelude::*;
+use stillmap_drivelog::{Ending, Entry, Log, MapView, Outcome, Recording, info, part_path, recover};
+
+fn scan(seq: u64) -> SonarScan {
+    SonarScan::new(messages::Pose { x_m: (seq % 100) as f64, ..Default::default() }, &[], false)
+}
 
 /// The file of a recorder that saw these scans, killed after the last flush or not.
 fn write(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bool) {
     let mut recording = Recording::new(&payloads::preamble(run)).unwrap();
     for seq in scans {
-        let scan = SonarScan::new(messages::Pose { x_m: (seq % 100) as f64, ..Default::default() }, &[], false);
-        recording.scan(seq, seq * 40_000_000, &scan).unwrap();
+        recording.scan(seq, seq * 40_000_000, &scan(seq)).unwrap();
         recording.report(1, seq, &Heartbeat::default()).unwrap();
     }
     recording.flush().unwrap();
@@ -90,4 +94,66 @@ fn a_part_can_be_read_by_itself() {
     write(&path, 7, 1..=4, true);
     write(&part_path(&path, 2), 7, 3..=6, false);
     assert_eq!(scans(&part_path(&path, 2)), [3, 4, 5, 6]);
+}
+
+/// The pictures of the map in a file: when, and what they show.
+fn pictures(path: &Path) -> Vec<(u64, Vec<u8>)> {
+    let mut log = Log::open(path).unwrap();
+    let mut pictures = Vec::new();
+    while log.advance().unwrap() {
+        let message = log.message().unwrap();
+        if message.channel.topic == MapView::topic(0) {
+            pictures.push((message.stamp_ns, message.data.to_vec()));
+        }
+    }
+    pictures
+}
+
+#[test]
+fn a_log_that_goes_on_in_another_file_begins_with_the_map_and_the_time_that_it_had() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    recording.scan(1, 40_000_000, &scan(1)).unwrap();
+    for (seq, row) in [(1, 0), (2, 3)] {
+        recording.tile(seq, 30_000_000 + seq, &MapTile { row, cell_m: 0.05, ..MapTile::default() }).unwrap();
+    }
+    let (bytes, scene) = recording.finish_part().unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    let mut recording = Recording::after(scene, &payloads::preamble(7)).unwrap();
+    recording.report(5, 6, &Heartbeat::default()).unwrap();
+    recording.scan(2, 80_000_000, &scan(2)).unwrap();
+    let second = part_path(&path, 2);
+    std::fs::write(&second, recording.finish().unwrap()).unwrap();
+
+    assert_eq!(scans(&path), [1, 2]);
+    assert!(info(&path).unwrap().is_whole());
+    assert_eq!(info(&second).unwrap().channels[Heartbeat::SERVICE.name].first_ns, 40_000_000);
+    let [first, whole, again] = <[_; 3]>::try_from(pictures(&path)).unwrap();
+    assert!(first != whole && whole == again, "the map as it was, and not once more while it stays so");
+    assert_eq!(pictures(&second), [again]);
+}
+
+proptest! {
+    #[test]
+    fn chunks_are_counted_as_the_index_counts_them(flushes in prop::collection::vec((0u64..4, any::<bool>()), 0..10)) {
+        let mut recording = Recording::new(&payloads::preamble(1)).unwrap();
+        let (mut seq, mut bytes) = (0, Vec::new());
+        for (scans, large) in flushes {
+            for _ in 0..scans {
+                seq += 1;
+                recording.scan(seq, seq, &SonarScan::default()).unwrap();
+                let layout = messages::FrameLayout::packed(640, 480, messages::PixelFormat::Rgb);
+                if large {
+                    recording.picture::<messages::CameraFrame>(seq, seq, &layout, &vec![7; layout.bytes()]).unwrap();
+                }
+            }
+            recording.flush().unwrap();
+            bytes.extend(recording.take());
+        }
+        let counted = recording.chunks();
+        bytes.extend(recording.finish().unwrap());
+        let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+        prop_assert_eq!(counted, summary.chunk_indexes.len() as u64);
+    }
 }

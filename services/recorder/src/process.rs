@@ -139,6 +139,8 @@ impl bus::Process for Recorder {
             self.finish()?;
         } else if self.flush_is_due() {
             self.flush()?;
+        } else {
+            self.write_chunks();
         }
         self.report(context);
         Ok(if at_end {
@@ -171,20 +173,13 @@ impl Recorder {
         self.held.scan >= self.hold || frames_are_due || self.flushed_at.elapsed() >= self.flush_every
     }
 
-    /// Brings what was recorded into the file. When that refuses, recording goes on in a new one once the disk takes it.
+    /// Brings what was recorded into the file. When that refuses, recording goes on in a new one once the disk takes it; when it
+    /// is full, at once.
     fn flush(&mut self) -> Result<(), StepError> {
         self.flushed_at = Instant::now();
-        let written = if self.tape.is_blocked() { self.go_on_in_a_new_file()? } else { self.file.append(self.tape.flush()?) };
-        match written {
-            Ok(()) => {
-                self.tape.taken();
-                self.trouble = None;
-            }
-            Err(error) => {
-                self.tape.refused();
-                self.say_trouble(&error);
-            }
-        }
+        let goes_on = self.tape.is_blocked() || self.tape.is_full();
+        let written = if goes_on { self.go_on_in_a_new_file()? } else { self.file.append(self.tape.flush()?) };
+        self.settle(written);
         // What the file refuses for good is not waited for.
         self.held = Answered::default();
         if self.safe != self.last {
@@ -197,8 +192,31 @@ impl Recorder {
         Ok(())
     }
 
-    /// Ends the file that refused, with what it lacks and its index, and begins the next part of the log.
+    /// Brings the chunks that are closed into the file, so that memory does not hold all that comes until the next flush.
+    fn write_chunks(&mut self) {
+        if !self.tape.is_blocked() && !self.tape.chunks().is_empty() {
+            let written = self.file.append(self.tape.chunks());
+            self.settle(written);
+        }
+    }
+
+    /// Takes note of whether the file has taken what it was given.
+    fn settle(&mut self, written: io::Result<()>) {
+        match written {
+            Ok(()) => {
+                self.tape.taken();
+                self.trouble = None;
+            }
+            Err(error) => {
+                self.tape.refused();
+                self.say_trouble(&error);
+            }
+        }
+    }
+
+    /// Ends the file with what it lacks and its index, and begins the next part of the log.
     fn go_on_in_a_new_file(&mut self) -> Result<io::Result<()>, StepError> {
+        let was_blocked = self.tape.is_blocked();
         if let Err(error) = self.file.append(self.tape.finish()?) {
             return Ok(Err(error));
         }
@@ -210,7 +228,12 @@ impl Recorder {
             Err(error) => std::fs::remove_file(file.path()).and(Err(error)),
         });
         Ok(begun.map(|file| {
-            tracing::info!("recording again, into {}; {} messages were not recorded", file.path().display(), tape.left_out());
+            let path = file.path().display();
+            if was_blocked {
+                tracing::info!("recording again, into {path}; {} messages were not recorded", tape.left_out());
+            } else {
+                tracing::info!("recording goes on in {path}");
+            }
             (self.file, self.tape) = (file, tape);
         }))
     }
