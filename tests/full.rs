@@ -35,6 +35,12 @@ fn on_a_small_disk(bench: &Bench, folder: &Path, size: &str, arguments: &[&str])
     Watched::start(small)
 }
 
+/// Settings by which whoever ends too early fails for good.
+fn without_restarts(settings: &str) -> String {
+    let (before, after) = settings.split_once("restarts = 1000").unwrap();
+    format!("{before}restarts = 0{after}")
+}
+
 /// A folder as the run sees it.
 fn within(run: &Watched, folder: &Path) -> PathBuf {
     PathBuf::from(format!("/proc/{}/root{}", run.pid(), folder.display()))
@@ -119,7 +125,7 @@ fn a_disk_that_takes_no_checkpoint_ends_nobody() {
     }
     let (_, log, undisturbed) = &*DRIVE;
     let bench = Bench::new();
-    let settings = bench.write("replay.toml", &replay_settings("replay", log, ""));
+    let settings = bench.write("replay.toml", &without_restarts(&replay_settings("replay", log, "")));
     let state = bench.runtime().to_owned();
     let mut run = on_a_small_disk(&bench, &state, "4m", &["run", settings.to_str().unwrap()]);
     drop(run.wait_for_line("playback   is up"));
@@ -151,7 +157,7 @@ fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_fil
     }
     let (_, log, _) = &*DRIVE;
     let bench = Bench::new();
-    let settings = bench.write("replay.toml", &replay_settings("replay", log, "").replace("\"lockstep\"", "\"live\""));
+    let settings = bench.write("replay.toml", &without_restarts(&replay_settings("replay", log, "")).replace("\"lockstep\"", "\"live\""));
     let out = bench.path("replay-out");
     let kept = bench.path("replay-out.kept");
     for folder in [&out, &kept] {
@@ -163,7 +169,10 @@ fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_fil
     let more = ["-t", &run.pid().to_string(), "-m", "mount", "-o", "remount,size=64m", out.to_str().unwrap()];
     assert!(Command::new("nsenter").args(more).status().unwrap().success());
     let said = run.wait_for_line("recording again, into");
-    assert!(said.contains("drive.2.mcap") && said.contains("messages were not recorded"), "{said}");
+    assert!(said.contains("drive.2.mcap"), "{said}");
+    let (before, _) = said.split_once(" messages were not recorded").unwrap();
+    // Until it tries again it hears at least itself.
+    assert!(before.rsplit(' ').next().unwrap().parse::<u64>().unwrap() > 0, "{said}");
     let (code, stdout, stderr) = run.end();
     assert_eq!(code, Some(0), "{stdout}{stderr}");
     assert!(!stdout.contains("restarted") && stdout.contains("map sha256"), "{stdout}");

@@ -6,7 +6,8 @@ mod harness;
 use std::path::{Path, PathBuf};
 
 use harness::replays::{children, try_kill};
-use harness::{Bench, PgmMap, Run, map_sha256, text};
+use harness::{Bench, PgmMap, Run, map_sha256, recorded, text};
+use messages::{FilterVerdict, Heartbeat, SonarScan};
 
 /// Scans of the whole drive, and how many of them the first start must have taken before it ends.
 const SCANS: usize = 500;
@@ -113,6 +114,10 @@ fn a_map_goes_on_after_a_stop_and_a_fresh_one_does_not() {
     assert!(map.wall_share([0.1, 0.7], [1.2, 0.7], 0.1) < 0.2, "and nothing is drawn into it");
     assert!(map.width > first.width + 20, "and the drive goes on");
     assert!(!out.join("state-1").exists());
+    // What had ended with the first start goes on, too.
+    let log = out.join("drive.mcap");
+    assert!(numbers::<SonarScan>(&log).eq(1..=SCANS as u64), "every scan is in the log");
+    assert!(numbers::<FilterVerdict>(&log).eq(1..=SCANS as u64), "and has its verdict");
 
     // Everything is as after the first start of all.
     let fresh = start(&bench, &settings, &["--fresh"]).end();
@@ -153,6 +158,17 @@ fn what_cannot_be_gone_on_from_is_put_aside_as_a_whole() {
     assert!((1..=3).all(|times| bench.path("out").join(format!("state-{times}/mapping.checkpoint")).exists()));
 }
 
+fn numbers<T: drivelog::Logged>(log: &Path) -> impl Iterator<Item = u64> {
+    recorded::<T>(log).into_iter().map(|(seq, _)| seq)
+}
+
+/// Scans that mapping was told of more than once, as its last heartbeat in the log has it.
+fn repeated_scans(log: &Path) -> u64 {
+    let heartbeats = recorded::<Heartbeat>(log);
+    let (_, last) = heartbeats.iter().rfind(|(_, it)| it.process.as_str() == "mapping").unwrap();
+    last.inputs.iter().find(|input| input.service.as_str() == "robot/scan").unwrap().repeated
+}
+
 #[test]
 fn a_robot_goes_on_with_its_numbers_and_a_simulated_deployment_begins_anew() {
     let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
@@ -191,6 +207,10 @@ fn a_robot_goes_on_with_its_numbers_and_a_simulated_deployment_begins_anew() {
     assert!(second > first + 60, "{second} scans after {first}: they are numbered on, and the map has them all");
     let out = bench.path("out");
     assert!(out.join("drive.2.mcap").exists() && !out.join("state-1").exists());
+    // The driver has said its last scan again, in case nobody had it, and gone on behind it.
+    let log = out.join("drive.mcap");
+    assert_eq!(repeated_scans(&log), 1);
+    assert_eq!(recorded::<SonarScan>(&log).len() as u64, second);
     scans(&["--fresh"]);
     assert!(!out.join("drive.2.mcap").exists() && out.join("state-1").exists());
     drop(world);

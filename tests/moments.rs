@@ -6,13 +6,15 @@
 
 mod harness;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
+use drivelog::{Entry, Log};
 use harness::cork::Cork;
 use harness::replays::{Watched, children, sha256_of, try_kill};
-use harness::{Bench, signal};
+use harness::{Bench, recorded, signal};
+use messages::{CameraFrame, CameraMotion, FilterVerdict, SonarMotion, SonarScan};
 use rustix::process::Signal;
 
 const WORLD: &str = include_str!("../config/worlds/corridor.toml");
@@ -22,12 +24,14 @@ const MISSED: Duration = Duration::from_secs(120);
 /// What is the same in the recorded drive and in its replays.
 const ROBOT: &str = "[robot]\nmodel = \"pioneer-1\"\nrange_limit_m = 3.0\nodometry_modulus = 32768\n";
 
-/// One recorded drive for all tests, and the map of its undisturbed replay.
-static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
+/// One recorded drive for all tests, and what its undisturbed replay gives.
+static DRIVE: LazyLock<(Bench, PathBuf, Outcome)> = LazyLock::new(|| {
     let bench = Bench::new();
-    // Only the first of its ways: a few hundred scans and pictures.
+    // Only the first of its ways, and not to its end: scans and pictures that the largest window holds.
     let (head, rest) = WORLD.split_once("[[robot.way]]").unwrap();
     let (way, rest) = rest.split_once("[[robot.way]]").unwrap();
+    assert!(way.contains("to_m = [7.0,"), "{way}");
+    let way = way.replace("to_m = [7.0,", "to_m = [6.0,");
     let world = bench.write("world.toml", &format!("{head}[[robot.way]]{way}{}", &rest[rest.find("[[wall]]").unwrap()..]));
     let processes = processes(&["recorder", "simulator", "pioneer"]);
     let settings = format!(
@@ -38,21 +42,66 @@ static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
     let driven = bench.output(["run", settings.to_str().unwrap(), "--speed", "5"]);
     assert_eq!(driven.status.code(), Some(0), "{}", harness::text(&driven.stderr));
     let log = bench.path("drive-out").join("drive.mcap");
-    let map = sha256_of(&replay(&bench, &log).end());
-    (bench, log, map)
+    let undisturbed = Outcome::of(&bench, &replay(&bench, &log).end());
+    assert!(undisturbed.motions.iter().any(|(_, it)| it.count > 0) && undisturbed.camera_motions.iter().any(|(_, it)| it.count > 0));
+    assert!(undisturbed.verdicts.iter().any(|(_, it)| it.withheld > 0), "a lost verdict changes the map");
+    (bench, log, undisturbed)
 });
+
+/// What comes of a replay: the map, and what was said and recorded on the way to it.
+#[derive(PartialEq)]
+struct Outcome {
+    map: String,
+    /// How many.
+    scans: usize,
+    pictures: usize,
+    motions: Vec<(u64, SonarMotion)>,
+    camera_motions: Vec<(u64, CameraMotion)>,
+    verdicts: Vec<(u64, FilterVerdict)>,
+}
+
+impl Outcome {
+    #[track_caller]
+    fn of(bench: &Bench, ended: &(Option<i32>, String, String)) -> Self {
+        let map = sha256_of(ended);
+        let log = bench.path("replay-out").join("drive.mcap");
+        let mut pictures = Log::open(&log).unwrap();
+        let next = || matches!(pictures.next_picture::<CameraFrame>().unwrap(), Some(Entry::Message { .. })).then_some(());
+        Self {
+            map,
+            scans: recorded::<SonarScan>(&log).len(),
+            pictures: std::iter::from_fn(next).count(),
+            motions: recorded(&log),
+            camera_motions: recorded(&log),
+            verdicts: recorded(&log),
+        }
+    }
+
+    #[track_caller]
+    fn assert_is(&self, expected: &Self, what: &str) {
+        assert_eq!((self.scans, self.pictures), (expected.scans, expected.pictures), "{what}: scans and pictures recorded again");
+        assert!(self.motions == expected.motions, "{what}: what moves as the sonars see it");
+        assert!(self.camera_motions == expected.camera_motions, "{what}: what moves as the camera sees it");
+        assert!(self.verdicts == expected.verdicts, "{what}: the verdicts");
+        assert_eq!(self.map, expected.map, "{what}: the map");
+    }
+}
 
 fn processes(kinds: &[&str]) -> String {
     kinds.iter().map(|kind| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n")).collect()
 }
 
-/// Every process that a replay can have.
-fn replay(bench: &Bench, log: &std::path::Path) -> Watched {
-    let processes = processes(&["recorder", "mapping", "fti", "std", "sbs", "injector", "viewer", "playback"]);
+/// A replay with every process that it can have.
+fn replay(bench: &Bench, log: &Path) -> Watched {
+    let injector = "[injector]\nservices = [\"robot/scan\", \"motion/sonar\", \"motion/camera\", \"map/verdict\"]\n";
+    replay_with(bench, log, &["recorder", "mapping", "fti", "std", "sbs", "injector", "viewer", "playback"], 16, injector)
+}
+
+fn replay_with(bench: &Bench, log: &Path, kinds: &[&str], window: u64, more: &str) -> Watched {
+    let processes = processes(kinds);
     let settings = format!(
         "name = \"replay\"\npace = \"lockstep\"\nout = \"replay-out\"\n{processes}{ROBOT}\
-         [mapping]\nexpect_verdicts = true\nkeep_unfiltered = true\n[playback]\nlog = {log:?}\nwindow = 16\n\
-         [injector]\nservices = [\"robot/scan\", \"motion/sonar\", \"motion/camera\", \"map/verdict\"]\n\
+         [mapping]\nexpect_verdicts = true\nkeep_unfiltered = true\n[fti]\nexpect_camera = true\n[playback]\nlog = {log:?}\nwindow = {window}\n{more}\
          [supervisor]\nrestarts = 1000\nwithin_s = 1.0\nbackoff_first_s = 0.001\nbackoff_last_s = 0.01\n\
          startup_deadline_s = 60.0\nheartbeat_timeout_s = 60.0\nstop_deadline_s = 60.0\n"
     );
@@ -99,7 +148,14 @@ fn leaves_the_map_as_it_is(process: &str) {
             Moment::ShuttingDown => kill_at_the_end(&bench, &mut run, process),
         };
         let ended = run.end_or(|| harness::text(&bench.output(["status", "--json"]).stdout));
-        assert_eq!(&sha256_of(&ended), undisturbed, "{process} killed {moment:?}:\n{}", ended.2);
+        let mut found = Outcome::of(&bench, &ended);
+        if process == "recorder" && moment == Moment::ShuttingDown {
+            // Nobody waits for it to have what is computed anew from the scans and pictures that it has.
+            found.motions.clone_from(&undisturbed.motions);
+            found.camera_motions.clone_from(&undisturbed.camera_motions);
+            found.verdicts.clone_from(&undisturbed.verdicts);
+        }
+        found.assert_is(undisturbed, &format!("{process} killed {moment:?}:\n{}\n", ended.2));
         // Those who end last may have ended by themselves.
         let may_be_gone = moment == Moment::ShuttingDown && ["recorder", "injector", "viewer"].contains(&process);
         assert!(killed || may_be_gone, "{process} was not there to be killed {moment:?}");
@@ -212,4 +268,61 @@ fn injector_killed_at_any_moment() {
 #[test]
 fn viewer_killed_at_any_moment() {
     leaves_the_map_as_it_is("viewer");
+}
+
+/// While `halted` stands still the others come to the end of the log. Then `first` is killed, and `second` once the first is back:
+/// it needs what the first has said before, which nobody computes again.
+#[track_caller]
+fn one_killed_after_the_other(first: &str, second: &str, halted: &str) {
+    const WINDOW: u64 = 256;
+    let (_, log, undisturbed) = &*DRIVE;
+    let scans = undisturbed.scans as u64;
+    assert!(scans <= WINDOW, "{scans} scans");
+    let bench = Bench::new();
+    // An injector would keep what it carries beyond the death of who said it.
+    let mut run = replay_with(&bench, log, &["recorder", "mapping", "fti", "std", "sbs", "playback"], WINDOW, "");
+    // The source of all messages starts last.
+    drop(run.wait_for_line(&format!("{halted:<10} is up")));
+    let halted_pid = pid_of(&run, halted);
+    signal(halted_pid, Signal::STOP);
+    drop(bench.wait_for("playback", "it has played all", |it| it["counters"]["scans played"].as_u64() == Some(scans)));
+    // FTI takes what the sonars see moving beside each scan.
+    let least = if first == "fti" { 2 * scans } else { scans };
+    drop(bench.wait_for(first, "it has had all", |it| it["received"].as_u64() >= Some(least)));
+    assert!(try_kill(pid_of(&run, first)));
+    drop(run.wait_for_line(&format!("{first:<10} is up again")));
+    assert!(try_kill(pid_of(&run, second)));
+    if halted != second {
+        drop(run.wait_for_line(&format!("{second:<10} is up again")));
+        signal(halted_pid, Signal::CONT);
+    }
+    let ended = run.end_or(|| harness::text(&bench.output(["status", "--json"]).stdout));
+    let what = format!("{second} killed after {first}:\n{}\n", ended.2);
+    Outcome::of(&bench, &ended).assert_is(undisturbed, &what);
+    assert!(ended.1.contains(&format!("{first} once")) && ended.1.contains(&format!("{second} once")), "{}", ended.1);
+}
+
+#[test]
+fn fti_killed_after_std() {
+    one_killed_after_the_other("std", "fti", "fti");
+}
+
+#[test]
+fn fti_killed_after_sbs() {
+    one_killed_after_the_other("sbs", "fti", "fti");
+}
+
+#[test]
+fn mapping_killed_after_fti() {
+    one_killed_after_the_other("fti", "mapping", "mapping");
+}
+
+#[test]
+fn playback_killed_after_std() {
+    one_killed_after_the_other("std", "playback", "mapping");
+}
+
+#[test]
+fn playback_killed_after_mapping() {
+    one_killed_after_the_other("mapping", "playback", "fti");
 }

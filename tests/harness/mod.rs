@@ -197,6 +197,18 @@ pub(crate) fn signal(pid: u64, signal: rustix::process::Signal) {
     rustix::process::kill_process(pid, signal).unwrap();
 }
 
+/// Messages of one service in a log, in order.
+pub(crate) fn recorded<T: drivelog::Logged>(log: &Path) -> Vec<(u64, T)> {
+    let mut log = drivelog::Log::open(log).unwrap();
+    let mut messages = Vec::new();
+    while let Some(entry) = log.next_of::<T>().unwrap() {
+        if let drivelog::Entry::Message { seq, payload, .. } = entry {
+            messages.push((seq, payload));
+        }
+    }
+    messages
+}
+
 pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use messages::{DeploymentStatus, Heartbeat, Payload, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarScan, Text};
-use stillmap_bus::{Context, Domain, DomainError, Next, Process, Reader, Received, RunningDomain, Shell, StepError, Tool, Writer};
+use stillmap_bus::{Context, Domain, DomainError, Kept, Next, Process, Reader, Received, RunningDomain, Shell, StepError, Tool, Writer};
 
 /// A domain that no other test shares.
 fn domain() -> Domain {
@@ -231,4 +231,27 @@ fn a_name_that_could_leave_its_folder_is_refused() {
     for name in ["", "..", "a/b", "Demo", "x".repeat(41).as_str()] {
         assert!(matches!(Domain::open(name, 1.0), Err(DomainError::Name { .. })), "{name}");
     }
+}
+
+#[test]
+fn a_run_that_goes_on_is_later_than_its_last_note_whatever_the_wall_clock_says() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("state");
+    let name = format!("test-bus-goes-on-{}", std::process::id());
+    let open = || Domain::open_with(&name, 1.0, &[], Some(Kept { folder: &folder, made_with: "cells of 0.1 m", fresh: false })).unwrap();
+    let first = open();
+    let (run, noted_ns) = (first.run(), first.membership_for("mapping", 0, "x".as_ref()).clock().now_ns());
+    assert!(!first.goes_on());
+    first.close().unwrap();
+
+    // As if the wall clock had been set back by an hour since.
+    let (note, later_ns) = (folder.join("run"), noted_ns + 3_600_000_000_000);
+    let text = std::fs::read_to_string(&note).unwrap();
+    let (head, _) = text.trim_end().rsplit_once('\n').unwrap();
+    std::fs::write(&note, format!("{head}\n{later_ns}\n")).unwrap();
+    let second = open();
+    assert!(second.goes_on());
+    assert_eq!(second.run(), run);
+    assert!(second.membership_for("mapping", 0, "x".as_ref()).clock().now_ns() > later_ns);
+    second.close().unwrap();
 }

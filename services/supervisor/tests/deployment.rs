@@ -94,6 +94,14 @@ fn a_hung_process_is_killed_and_restarted() {
     assert!(matches!(&notices(&actions)[..], [Notice::Hangs { process: 1, cause }] if cause == "gave no sign of life for 2.0 s"));
     let actions = it.step(exited(1, Exit::Signal(9)), ms(2012));
     assert!(matches!(&notices(&actions)[..], [Notice::Restarting { process: 1, cause, .. }] if cause == "gave no sign of life for 2.0 s"));
+    assert_eq!(commands(&it.step(Event::Tick, ms(2100))), [Action::Spawn { process: 1, incarnation: 1 }]);
+    // As long as it gives signs of life it is left alone: it has been started again once.
+    for at in (2200..12_200).step_by(1999) {
+        for process in 0..4 {
+            assert_eq!(commands(&it.step(heartbeat(process, 0), ms(at))), [], "at {at} ms");
+        }
+    }
+    assert_eq!(it.processes().iter().map(|it| it.restarted()).collect::<Vec<_>>(), [0, 1, 0, 0]);
 }
 
 #[test]
