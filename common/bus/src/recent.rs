@@ -43,7 +43,7 @@ impl<T: Payload> Recent<T> {
     /// For the next incarnation. A message of zeros, the usual answer when nothing moves, takes one byte.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
+        let mut bytes = Vec::with_capacity(self.messages.len() * (17 + size_of::<T>()));
         for (seq, stamp_ns, message) in &self.messages {
             bytes.extend([*seq, *stamp_ns].map(u64::to_le_bytes).as_flattened());
             let payload = bytemuck::bytes_of(message);

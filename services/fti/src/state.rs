@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use grid::{Lattice, TILE_CELLS, TileKey};
+use grid::{Lattice, TILE_CELLS, Tile, TileKey};
 use messages::Pose;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::dwell::Runs;
 use crate::pending::PendingScan;
@@ -48,7 +48,8 @@ pub enum StateError {
 /// Hits, sights of emptiness and the slots of the last of each.
 type Packed = (u8, u8, u16, u16);
 
-#[derive(Serialize, Deserialize)]
+/// Written field by field, see [`Fti::to_bytes`].
+#[derive(Deserialize)]
 struct State {
     streams: Streams,
     tracks: Tracks,
@@ -62,21 +63,29 @@ struct State {
     last: Option<(u64, f64, f64, f64)>,
 }
 
+/// The tiles as they are written: a copy of them all would take as much memory again.
+struct Tiles<'a>(&'a Still);
+
+impl Serialize for Tiles<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.cells().tiles().map(|(key, cells)| (key.row, key.column, Cells(cells))))
+    }
+}
+
+struct Cells<'a>(&'a Tile<Evidence>);
+
+impl Serialize for Cells<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.iter().map(|e| -> Packed { (e.hits, e.free, e.hit_slot, e.free_slot) }))
+    }
+}
+
 impl Fti {
     /// The whole state.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let pack = |e: &Evidence| (e.hits, e.free, e.hit_slot, e.free_slot);
-        let state = State {
-            streams: self.streams.clone(),
-            tracks: self.tracks.clone(),
-            still: self.still.cells().tiles().map(|(key, cells)| (key.row, key.column, cells.iter().map(pack).collect())).collect(),
-            runs: self.runs.clone(),
-            company_ns: self.company_ns,
-            pending: self.pending.clone(),
-            recent: self.recent.clone(),
-            last: self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad)),
-        };
+        let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
+        let state = (&self.streams, &self.tracks, Tiles(&self.still), &self.runs, self.company_ns, &self.pending, &self.recent, last);
         // Writing numbers and lists into memory has no way to fail.
         postcard::to_allocvec(&(VERSION, state)).unwrap_or_default()
     }

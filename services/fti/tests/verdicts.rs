@@ -166,6 +166,24 @@ fn a_state_read_back_goes_on_the_same() {
 }
 
 #[test]
+fn the_state_does_not_grow_with_time() {
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    let mut lap = |seqs: std::ops::RangeInclusive<u64>| {
+        let first = *seqs.start();
+        for seq in seqs {
+            // The walker comes again every twelve seconds.
+            let (stamp_ns, time_s) = (seq * 100_000_000, (seq - first) as f64 % 120.0 * 0.1);
+            drop(fti.step(Input::Camera { stamp_ns, motion: &frame(time_s) }));
+            drop(fti.step(Input::Scan { seq, stamp_ns, scan: &scan(time_s) }));
+            drop(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
+        }
+        fti.to_bytes().len()
+    };
+    let (warm, later) = (lap(1..=600), lap(601..=18_000));
+    assert!(later < warm + 1000, "half an hour makes {warm} bytes {later}");
+}
+
+#[test]
 fn another_version_and_cut_bytes_are_refused() {
     let error = |bytes: &[u8]| Fti::from_bytes(Parameters::default(), bytes).unwrap_err();
     assert_eq!(error(&[77]), StateError::Version { found: 77 });

@@ -68,16 +68,21 @@ impl State {
     #[must_use]
     pub fn save(&self) -> Vec<u8> {
         let mut out = Vec::new();
+        self.write_to(&mut out);
+        out
+    }
+
+    /// Appends the state as bytes.
+    pub fn write_to(&self, out: &mut Vec<u8>) {
         out.extend(MAGIC);
         out.extend(CHECKPOINT_VERSION.to_le_bytes());
-        option(&mut out, self.last_stamp_ns.map(u64::to_le_bytes));
+        option(out, self.last_stamp_ns.map(u64::to_le_bytes));
         out.push(u8::from(self.scene.is_some()));
         if let Some((working, scene)) = &self.scene {
             out.extend((working.width as u32).to_le_bytes());
             out.extend((working.height as u32).to_le_bytes());
-            write_scene(&mut out, scene);
+            write_scene(out, scene);
         }
-        out
     }
 
     /// The state of bytes that [`State::save`] made, under the same settings.

@@ -46,13 +46,12 @@ impl Kept {
         Ok(Self { state: State::restore(parameters, state)?, place: Place { seq, stamp_ns }, recent })
     }
 
-    /// For the next incarnation.
-    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+    /// Appends it as bytes, for the next incarnation.
+    pub(crate) fn write_to(&self, bytes: &mut Vec<u8>) {
         let recent = self.recent.to_bytes();
-        let mut bytes = [self.place.seq, self.place.stamp_ns, recent.len() as u64].map(u64::to_le_bytes).concat();
+        bytes.extend([self.place.seq, self.place.stamp_ns, recent.len() as u64].map(u64::to_le_bytes).as_flattened());
         bytes.extend(recent);
-        bytes.extend(self.state.save());
-        bytes
+        self.state.write_to(bytes);
     }
 
     /// Takes note of an answer.

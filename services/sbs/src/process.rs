@@ -90,6 +90,8 @@ struct Subtraction {
     checkpoint: Checkpoint,
     /// Last frame that the checkpoint includes.
     checkpointed: u64,
+    /// The last checkpoint: the next one takes its memory.
+    saved: Vec<u8>,
     lockstep: bool,
     counts: Counts,
     remarks: Remarks,
@@ -130,6 +132,7 @@ impl Subtraction {
             masks: shell.frame_writer()?,
             backgrounds: shell.frame_writer()?,
             checkpoint,
+            saved: Vec::new(),
             lockstep: settings.pace == Pace::Lockstep,
             counts: Counts::default(),
             remarks: Remarks::default(),
@@ -219,8 +222,9 @@ impl Subtraction {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let bytes = self.kept.to_bytes();
-        self.checkpoint.keep(&bytes);
+        self.saved.clear();
+        self.kept.write_to(&mut self.saved);
+        self.checkpoint.keep(&self.saved);
         self.checkpointed = self.kept.place.seq;
         Ok(())
     }
