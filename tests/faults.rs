@@ -117,7 +117,7 @@ fn a_clock_that_is_set_costs_what_it_is_set_back_by_and_that_is_said() {
 #[test]
 fn status_names_what_was_refused() {
     let bench = Bench::new();
-    let more = format!("{INJECTOR}[injector]\nservices = [\"robot/scan\"]\n");
+    let more = format!("{INJECTOR}[injector]\nservices = [\"robot/scan\", \"motion/sonar\"]\n");
     let run = live(&bench, &more, "");
     drop(bench.wait_for("mapping", "it maps", |it| it["received"].as_u64() > Some(5)));
     let inject = |words: &[&str]| bench.output(["inject"].iter().chain(words));
@@ -129,6 +129,10 @@ fn status_names_what_was_refused() {
     assert_eq!(inject(&["--service", "robot/scan", "corrupt", "--rate", "0.5"]).status.code(), Some(0));
     let mapping = bench.wait_for("mapping", "it has refused scans", |it| it["refused"].as_u64() > Some(5));
     assert!(mapping["note"].as_str().unwrap().contains("of robot/scan"), "{mapping}");
+    assert_eq!(inject(&["--service", "motion/sonar", "drop", "--for", "20"]).status.code(), Some(0));
+    let fti = bench.wait_for("fti", "it says what it lacks", |it| it["note"].as_str().is_some_and(|note| note.contains("no sonar motion")));
+    let since = fti["note"].as_str().unwrap().split("no sonar motion since ").nth(1).and_then(|rest| rest.split_once(" s"));
+    assert!(since.is_some_and(|(since, _)| (0.0..3600.0).contains(&since.parse::<f64>().unwrap())), "since the run began: {fti}");
     assert_eq!(inject(&["--process", "std", "kill"]).status.code(), Some(0));
     drop(bench.wait_for("std", "it is back", |it| it["restarts"] == 1 && it["state"] == "running"));
     let ended = run.end();

@@ -408,6 +408,12 @@ impl Context<'_> {
         self.membership.clock().now_ns()
     }
 
+    /// Since the deployment started, s of deployment time: what people are told.
+    #[must_use]
+    pub fn elapsed_s(&self) -> f64 {
+        self.membership.clock().elapsed_s()
+    }
+
     /// Says in words what the process is doing or missing; empty when there is nothing to say. Stays until said otherwise.
     pub fn note(&mut self, words: &str) {
         self.report.note = Text::new(words);

@@ -18,6 +18,7 @@
 mod arc;
 mod dwell;
 mod hearing;
+mod missed;
 mod observe;
 mod parameters;
 mod pending;

@@ -7,6 +7,7 @@ use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlo
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
 
+use crate::missed::{Missed, News};
 use crate::{Fti, Input, Parameters, ParametersError, StateError};
 
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
@@ -79,7 +80,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
         lockstep: settings.pace == Pace::Lockstep,
         scans_ended_at: None,
         shown_at: None,
-        missed: [None; 2],
+        missed: [Missed::default(); 2],
         missed_after_ns: (MISSED_S * speed * 1e9) as u64,
         counts: Counts::default(),
         fti,
@@ -127,8 +128,8 @@ struct Integration {
     lockstep: bool,
     scans_ended_at: Option<Instant>,
     shown_at: Option<Instant>,
-    /// Since when (deployment clock, ns) the motion of sonars and camera is missed.
-    missed: [Option<u64>; 2],
+    /// Whether the motion of sonars and camera is missed.
+    missed: [Missed; 2],
     /// A stream this much older than the newest scan is missed, ns of sensor time.
     missed_after_ns: u64,
     counts: Counts,
@@ -281,31 +282,20 @@ impl Integration {
         let missing = [late(sonar_ns), self.camera.is_some() && late(camera_ns)];
         // What waits may be what is missed.
         let known = self.missed.iter_mut().zip(missing).filter(|_| !more_waits);
-        for ((since, missing), what) in known.zip(["sonar motion", "camera motion"]) {
-            match (*since, missing) {
-                (None, true) => {
-                    *since = Some(context.now_ns());
-                    tracing::warn!("no {what}: verdicts rest on what is left");
-                }
-                (Some(_), false) => {
-                    *since = None;
-                    tracing::info!("{what} is there again");
-                }
-                _ => {}
+        for ((missed, is_late), what) in known.zip(["sonar motion", "camera motion"]) {
+            match missed.look(is_late, context.elapsed_s(), self.missed_after_ns as f64 * 1e-9) {
+                Some(News::Missed) => tracing::warn!("no {what}: verdicts rest on what is left"),
+                Some(News::Back) => tracing::info!("{what} is there again"),
+                None => {}
             }
         }
-        let seconds = |since_ns: u64| since_ns as f64 * 1e-9;
-        match self.missed {
+        match self.missed.map(|missed| missed.since_s()) {
             [None, None] if self.camera.is_none() => context.note("sonar only"),
             [None, None] => context.note("sonar and camera"),
-            [None, Some(since)] => context.note(&format!("sonar only since {:.1} s: no camera motion", seconds(since))),
-            [Some(since), None] => context.note(&format!("no sonar motion since {:.1} s", seconds(since))),
+            [None, Some(since)] => context.note(&format!("sonar only since {since:.1} s: no camera motion")),
+            [Some(since), None] => context.note(&format!("no sonar motion since {since:.1} s")),
             [Some(sonar), Some(camera)] => {
-                context.note(&format!(
-                    "neither sonar motion (since {:.1} s) nor camera motion (since {:.1} s)",
-                    seconds(sonar),
-                    seconds(camera)
-                ));
+                context.note(&format!("neither sonar motion (since {sonar:.1} s) nor camera motion (since {camera:.1} s)"));
             }
         }
         context.count("verdicts", self.counts.verdicts);
