@@ -77,6 +77,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
         checkpoint,
         place,
         checkpointed: place.scan,
+        saved: Vec::new(),
         lockstep: settings.pace == Pace::Lockstep,
         scans_ended_at: None,
         shown_at: None,
@@ -125,6 +126,8 @@ struct Integration {
     place: Place,
     /// Last scan that the checkpoint includes.
     checkpointed: u64,
+    /// The last checkpoint: the next one takes its memory.
+    saved: Vec<u8>,
     lockstep: bool,
     scans_ended_at: Option<Instant>,
     shown_at: Option<Instant>,
@@ -267,8 +270,11 @@ impl Integration {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.fti.to_bytes()))?;
-        self.checkpoint.keep(&bytes);
+        let mut bytes = std::mem::take(&mut self.saved);
+        bytes.clear();
+        let bytes = postcard::to_extend(&(self.place, self.recent.to_bytes()), bytes)?;
+        self.saved = self.fti.write_to(bytes);
+        self.checkpoint.keep(&self.saved);
         self.checkpointed = self.place.scan;
         Ok(())
     }
@@ -306,9 +312,9 @@ impl Integration {
 }
 
 fn restore(parameters: Parameters, saved: &Saved) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
-    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(&saved.state)?;
+    let ((place, recent), state) = postcard::take_from_bytes::<(Place, Vec<u8>)>(&saved.state)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    let mut fti = Fti::from_bytes(parameters, &state)?;
+    let mut fti = Fti::from_bytes(parameters, state)?;
     if saved.before_a_stop {
         fti.reopen();
     }

@@ -48,7 +48,7 @@ pub enum StateError {
 /// Hits, sights of emptiness and the slots of the last of each.
 type Packed = (u8, u8, u16, u16);
 
-/// Written field by field, see [`Fti::to_bytes`].
+/// Written field by field, see [`Fti::write_to`].
 #[derive(Deserialize)]
 struct State {
     streams: Streams,
@@ -84,10 +84,16 @@ impl Fti {
     /// The whole state.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
+        self.write_to(Vec::new())
+    }
+
+    /// The bytes with the whole state behind them.
+    #[must_use]
+    pub fn write_to(&self, bytes: Vec<u8>) -> Vec<u8> {
         let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
         let state = (&self.streams, &self.tracks, Tiles(&self.still), &self.runs, self.company_ns, &self.pending, &self.recent, last);
         // Writing numbers and lists into memory has no way to fail.
-        postcard::to_allocvec(&(VERSION, state)).unwrap_or_default()
+        postcard::to_extend(&(VERSION, state), bytes).unwrap_or_default()
     }
 
     /// A service that goes on from a state.
