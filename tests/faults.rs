@@ -157,7 +157,10 @@ fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
     let ended = run.end();
     let (stdout, stderr) = (text(&ended.stdout), text(&ended.stderr));
     assert_eq!(ended.status.code(), Some(3), "{stdout}{stderr}");
-    assert!(stderr.contains("gave no sign of life"), "{stderr}");
+    // On a busy machine it may seem to hang once more: it is started again as often as it is killed.
+    let killed = stderr.lines().filter(|line| line.split_whitespace().nth(2) == Some("std") && line.ends_with("; killed")).count();
+    let times = if killed == 1 { "once".to_owned() } else { format!("{killed} times") };
+    assert!(killed > 0 && stdout.contains(&format!("std {times}")), "{stdout}{stderr}");
     assert!(stdout.contains("failed     fti") && stdout.contains("map sha256"), "{stdout}");
 }
 
