@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn what_comes_in_fits_is_missed_once_and_back_once() {
         let mut missed = Missed::default();
-        let late = |at: u64| (10..40).contains(&at) && at % 4 != 0;
+        let late = |at: u64| (10..40).contains(&at) && !at.is_multiple_of(4);
         let news: Vec<(u64, News)> = (0..60).filter_map(|at| Some((at, missed.look(late(at), at as f64, 2.0)?))).collect();
         assert_eq!(news, [(10, News::Missed), (50, News::Back)]);
         assert_eq!(missed.since_s(), None);
