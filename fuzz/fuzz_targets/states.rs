@@ -1,4 +1,4 @@
-//! The state in a checkpoint, damaged: refused, or a state that goes on.
+//! The state in a checkpoint, damaged in its head or in a tile: refused, or a state that goes on.
 #![no_main]
 
 mod common;
@@ -12,30 +12,61 @@ use messages::{Payload, SonarScan};
 use settings::Pace;
 use stillmap_std::Std;
 
-/// The states of mapping, STD and FTI after a drive.
-static SOUND: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+/// Head and tiles of a state.
+type Parts = (Vec<u8>, Vec<([i32; 3], Vec<u8>)>);
+
+/// The states of mapping, STD and FTI after a drive; that of STD is a head alone.
+static SOUND: LazyLock<[Parts; 3]> = LazyLock::new(|| {
     let mut services = common::services();
     common::drive(&mut services, &common::scans());
-    [services.0.save(), services.1.to_bytes(), services.2.to_bytes()]
+    let (mapper, std, fti) = services;
+    [mapper_parts(&mapper), (std.to_bytes(), Vec::new()), fti_parts(&fti)]
 });
+
+fn mapper_parts(mapper: &Mapper) -> Parts {
+    (mapper.save_head(), tiles(mapper.saved_tiles(), |key, bytes| mapper.save_tile(key, bytes)))
+}
+
+fn fti_parts(fti: &Fti) -> Parts {
+    (fti.save_head(Vec::new()), tiles(fti.saved_tiles(), |key, bytes| fti.save_tile(key, bytes)))
+}
+
+fn tiles(keys: Vec<[i32; 3]>, save: impl Fn([i32; 3], &mut Vec<u8>)) -> Vec<([i32; 3], Vec<u8>)> {
+    let tile = |key| {
+        let mut bytes = Vec::new();
+        save(key, &mut bytes);
+        (key, bytes)
+    };
+    keys.into_iter().map(tile).collect()
+}
 
 static SCANS: LazyLock<Vec<SonarScan>> = LazyLock::new(common::scans);
 
 fuzz_target!(|bytes: &[u8]| {
-    let Some((how, bytes)) = bytes.split_first() else { return };
+    let Some(([how, place], bytes)) = bytes.split_first_chunk() else { return };
     let which = usize::from(how % 3);
-    let state = if how & 0x80 == 0 { common::changed(&SOUND[which], bytes) } else { bytes.to_vec() };
+    let (mut head, mut tiles) = SOUND[which].clone();
+    let count = tiles.len();
+    let part = match how >> 3 & 1 {
+        1 if count > 0 => &mut tiles[usize::from(*place) % count].1,
+        _ => &mut head,
+    };
+    *part = if how & 0x80 == 0 { common::changed(part, bytes) } else { bytes.to_vec() };
     match which {
-        0 => map(&state),
-        1 => tracks(&state),
-        _ => verdicts(&state),
+        0 => map(head, tiles),
+        1 => tracks(&head),
+        _ => verdicts(&head, &tiles),
     }
 });
 
-fn map(state: &[u8]) {
+fn borrowed(tiles: &[([i32; 3], Vec<u8>)]) -> impl Iterator<Item = ([i32; 3], &[u8])> {
+    tiles.iter().map(|(key, tile)| (*key, tile.as_slice()))
+}
+
+fn map(head: Vec<u8>, tiles: Vec<([i32; 3], Vec<u8>)>) {
     let parameters = mapping::Parameters::new(&common::SETTINGS.mapping, Pace::Lockstep).unwrap();
-    let Ok(mut mapper) = Mapper::restore(parameters, state) else { return };
-    assert!(mapper.save() == state);
+    let Ok(mut mapper) = Mapper::restore(parameters, &head, borrowed(&tiles)) else { return };
+    assert!(mapper_parts(&mapper) == (head, tiles));
     let (seq, stamp_ns) = mapper.last_scan();
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         let _ = mapper.step(mapping::Input::Scan { seq: seq.saturating_add(k), stamp_ns: stamp_ns.saturating_add(k), scan });
@@ -53,8 +84,8 @@ fn tracks(state: &[u8]) {
     let _ = std.to_bytes();
 }
 
-fn verdicts(state: &[u8]) {
-    let Ok(mut fti) = Fti::from_bytes(fti::Parameters::of_settings(&common::SETTINGS), state) else { return };
+fn verdicts(head: &[u8], tiles: &[([i32; 3], Vec<u8>)]) {
+    let Ok(mut fti) = Fti::restore(fti::Parameters::of_settings(&common::SETTINGS), head, borrowed(tiles)) else { return };
     let last = fti.last_scan().map_or(0, |(seq, _)| seq);
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         fti.take(fti::Input::Scan { seq: last.saturating_add(k), stamp_ns: 1_000_000_000_000 + k * 100_000_000, scan });
@@ -63,5 +94,5 @@ fn verdicts(state: &[u8]) {
     let mut given = Vec::new();
     while fti.advance(&mut given) {}
     assert!(given.iter().all(|given| given.verdict.validate().is_ok()));
-    let _ = fti.to_bytes();
+    let _ = fti_parts(&fti);
 }

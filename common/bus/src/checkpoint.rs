@@ -1,193 +1,451 @@
 //! The state of a process in a file: written whole or not at all, checked when read.
 
-use core::cell::Cell;
+use core::cell::RefCell;
 use core::fmt::Display;
-use std::io::{self, Write};
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
-use crate::paths::{free_name, make_private};
+use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
+use crate::membership::Membership;
+use crate::paths::{free_name, make_private, passing_state};
 
-const MAGIC: &[u8; 8] = b"SMCHKPT2";
-const HEAD: usize = MAGIC.len() + 8 + 8 + 4 + 4;
+/// A checkpoint is appended to until it is this much longer than twice what it was when it was written whole: a small state is
+/// replaced once in many times, since some file systems write a file that replaces another to the disk at once.
+const APPENDED: u64 = 64 * 1024;
+/// What is written at once: a few parts of a map.
+const BUFFER: usize = 64 * 1024;
 
 /// Where a process keeps its state between its incarnations.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub struct Checkpoint {
     path: PathBuf,
+    /// Where it is kept while the file system of `path` refuses, as a full disk does: it goes with the deployment.
+    spare: Option<PathBuf>,
     run: u64,
     start: u32,
-    /// The file system refuses, and that has been said.
-    refused: Cell<bool>,
+    /// How often the process has been started before since the deployment was.
+    incarnation: u32,
+    /// The file as this incarnation has left it.
+    journal: Option<Journal>,
+    refusal: Refusal,
+}
+
+/// Why a state cannot be kept where it belongs, in words, while that is so: for whoever looks at the process.
+pub(crate) type Refusal = Rc<RefCell<Option<String>>>;
+
+/// A checkpoint that may be appended to.
+#[derive(Debug, Clone, Copy)]
+struct Journal {
+    length: u64,
+    /// Its length when it was written whole.
+    whole: u64,
 }
 
 /// What an earlier incarnation has kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Saved {
-    /// Its state.
-    pub state: Vec<u8>,
+pub struct Saved<'a> {
+    /// Its state, or the head of it.
+    pub state: &'a [u8],
+    /// The parts of its state, where it has such.
+    pub parts: BTreeMap<PartKey, &'a [u8]>,
     /// The whole deployment has been stopped, or was killed, and started again since: what had ended then goes on.
     pub before_a_stop: bool,
 }
 
-/// State that could not be kept; what was kept before stays.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: {source}")]
-pub struct CheckpointError {
-    /// The file.
-    pub path: PathBuf,
-    /// What the file system says.
-    pub source: io::Error,
+/// State that grows with what was seen: parts of which few change from one checkpoint to the next.
+pub trait Parts {
+    /// The keys of those that have changed since this was last asked.
+    fn take_changed(&mut self) -> Vec<PartKey>;
+    /// The keys of all.
+    fn all(&self) -> Vec<PartKey>;
+    /// Appends a part to some bytes.
+    fn write(&self, key: PartKey, bytes: &mut Vec<u8>);
 }
 
 impl Checkpoint {
-    /// The checkpoint of a process in a folder of checkpoints, in a run that has been started `start` times before.
-    pub(crate) fn new(folder: &Path, process: &str, run: u64, start: u32) -> Self {
-        Self { path: folder.join(format!("{process}.checkpoint")), run, start, refused: Cell::new(false) }
+    /// The checkpoint of a process in the folder of checkpoints of its run.
+    pub(crate) fn of(membership: &Membership, refusal: Refusal) -> Self {
+        let Membership { directory, state, .. } = membership;
+        let passing = Self::passing(membership, refusal);
+        match *state == passing_state(directory) {
+            true => passing,
+            false => Self { path: file(state, membership), spare: Some(passing.path), ..passing },
+        }
+    }
+
+    /// The checkpoint of a process in the folder that goes with the deployment.
+    pub(crate) fn passing(membership: &Membership, refusal: Refusal) -> Self {
+        let Membership { directory, run, start, incarnation, .. } = membership;
+        let path = file(&passing_state(directory), membership);
+        Self { path, spare: None, run: *run, start: *start, incarnation: *incarnation, journal: None, refusal }
     }
 
     /// What `restore` makes of what an earlier incarnation kept. `None` where there is nothing, or nothing that can be used: that
-    /// is said, and put under another name, where nobody writes over it.
-    pub fn take_up<T, E: Display>(&self, restore: impl FnOnce(&Saved) -> Result<T, E>) -> Option<T> {
-        let problem = match std::fs::read(&self.path) {
+    /// is said, and put under another name, where nobody writes over it. Where only what was added last is damaged, what was whole
+    /// before is restored, and a copy put under another name.
+    pub fn take_up<T, E: Display>(&self, mut restore: impl FnMut(&Saved<'_>) -> Result<T, E>) -> Option<T> {
+        // What is spare was kept later: it goes when the other can be written again.
+        let spare = self.spare.as_ref().and_then(|spare| self.take_up_from(spare, &mut restore));
+        spare.or_else(|| self.take_up_from(&self.path, &mut restore))
+    }
+
+    fn take_up_from<T, E: Display>(&self, file: &Path, restore: impl FnOnce(&Saved<'_>) -> Result<T, E>) -> Option<T> {
+        let path = file.display();
+        let problem = match std::fs::read(file) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
             Err(error) => error.to_string(),
-            Ok(bytes) => match check(&bytes, self.run) {
+            Ok(bytes) => match read(&bytes, self.run) {
                 Err(damage) => damage,
-                Ok((start, state)) => match restore(&Saved { state: state.to_vec(), before_a_stop: start < self.start }) {
-                    Ok(restored) => return Some(restored),
-                    Err(error) => error.to_string(),
-                },
+                Ok(contents) => {
+                    if let Some(damage) = contents.damage {
+                        copy_aside(file, &damage);
+                    }
+                    let before_a_stop = self.incarnation == 0 || contents.start < self.start;
+                    match restore(&Saved { state: contents.head, parts: contents.parts, before_a_stop }) {
+                        Ok(restored) => return Some(restored),
+                        Err(error) => error.to_string(),
+                    }
+                }
             },
         };
-        let aside = free_name(&self.path);
-        let path = self.path.display();
-        match std::fs::rename(&self.path, &aside) {
+        let aside = free_name(file);
+        match std::fs::rename(file, &aside) {
             Ok(()) => tracing::error!("begins anew: {path} cannot be used ({problem}); it is kept as {}", aside.display()),
             Err(error) => tracing::error!("begins anew: {path} cannot be used ({problem}), and not be put aside: {error}"),
         }
         None
     }
 
-    /// Replaces what was saved before. After a kill at any moment, either the old or the new state is there.
-    ///
-    /// # Errors
-    /// When the file system refuses; what was saved before stays.
-    pub fn save(&self, state: &[u8]) -> Result<(), CheckpointError> {
-        self.write(state).map_err(|source| CheckpointError { path: self.path.clone(), source })
+    /// Replaces what was kept before. After a kill at any moment, either the old or the new state is there. Where the file system
+    /// refuses, the state is kept in the deployment's own folder until it no longer does; both are said once, and in
+    /// the status of the process.
+    pub fn keep(&mut self, state: &[u8]) {
+        self.keep_with(state, &mut Whole);
     }
 
-    /// As [`save`](Self::save), for whoever goes on without: that the file system refuses is said once, and once that it no longer
-    /// does.
-    pub fn keep(&self, state: &[u8]) {
-        match self.save(state) {
-            Ok(()) if self.refused.replace(false) => tracing::info!("{} is kept again", self.path.display()),
-            Ok(()) => {}
-            Err(error) if !self.refused.replace(true) => tracing::error!("{error}; whoever is killed now goes on from an older state"),
-            Err(_) => {}
-        }
-    }
-
-    fn write(&self, state: &[u8]) -> io::Result<()> {
-        if let Some(folder) = self.path.parent() {
-            make_private(folder)?;
-        }
-        let fresh = self.path.with_extension("fresh");
-        let written = self.write_to(&fresh, state).and_then(|()| std::fs::rename(&fresh, &self.path));
-        if written.is_err() {
-            // On a full disk half a state takes the room of what is worth more.
-            let _ = std::fs::remove_file(&fresh);
-        }
-        written
-    }
-
-    fn write_to(&self, fresh: &Path, state: &[u8]) -> io::Result<()> {
-        let mut file = std::fs::File::create(fresh)?;
-        file.write_all(MAGIC)?;
-        file.write_all(&self.run.to_le_bytes())?;
-        file.write_all(&(state.len() as u64).to_le_bytes())?;
-        file.write_all(&self.start.to_le_bytes())?;
-        file.write_all(&checksum(self.start, state).to_le_bytes())?;
-        file.write_all(state)
-    }
-}
-
-fn checksum(start: u32, state: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&start.to_le_bytes());
-    hasher.update(state);
-    hasher.finalize()
-}
-
-/// The number of the start in which a checkpoint was saved, and the state in it; or what is wrong with it as one of this run.
-pub(crate) fn check(bytes: &[u8], run: u64) -> Result<(u32, &[u8]), String> {
-    let (head, state) = bytes.split_at_checked(HEAD).ok_or_else(|| format!("{} bytes, expected at least {HEAD}", bytes.len()))?;
-    let long = |at: usize| head[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
-    let short = |at: usize| head[at..at + 4].try_into().map_or(0, u32::from_le_bytes);
-    if !head.starts_with(MAGIC) {
-        return Err(format!("it begins with {:?}, expected {:?}", head[..8].escape_ascii().to_string(), MAGIC.escape_ascii().to_string()));
-    }
-    if long(8) != run {
-        return Err(format!("run {:016x}, expected {run:016x}", long(8)));
-    }
-    if long(16) != state.len() as u64 {
-        return Err(format!("{} bytes of state, expected {}", state.len(), long(16)));
-    }
-    let (start, expected) = (short(24), short(28));
-    let found = checksum(start, state);
-    if found != expected {
-        return Err(format!("checksum {found:08x}, expected {expected:08x}"));
-    }
-    Ok((start, state))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn load(checkpoint: &Checkpoint) -> Option<Saved> {
-        checkpoint.take_up(|saved| Ok::<_, String>(saved.clone()))
-    }
-
-    fn saved(state: &[u8], before_a_stop: bool) -> Option<Saved> {
-        Some(Saved { state: state.to_vec(), before_a_stop })
-    }
-
-    #[test]
-    fn what_is_saved_is_taken_up_and_what_is_damaged_is_put_aside() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let checkpoint = Checkpoint::new(folder.path(), "mapping", 7, 0);
-        assert_eq!(load(&checkpoint), None);
-        checkpoint.save(b"first").expect("saved");
-        checkpoint.save(b"second").expect("saved");
-        assert_eq!(load(&checkpoint), saved(b"second", false));
-        assert_eq!(load(&Checkpoint::new(folder.path(), "mapping", 7, 1)), saved(b"second", true));
-
-        let whole = std::fs::read(&checkpoint.path).expect("readable");
-        let mut aside = 0;
-        for at in 0..whole.len() {
-            for damaged in [whole[..at].to_vec(), {
-                let mut b = whole.clone();
-                b[at] ^= 1;
-                b
-            }] {
-                std::fs::write(&checkpoint.path, &damaged).expect("written");
-                assert_eq!(load(&checkpoint), None, "byte {at}");
-                aside += 1;
-                let kept = folder.path().join(format!("mapping.checkpoint-{aside}"));
-                assert_eq!(std::fs::read(kept).expect("kept"), damaged);
+    /// As [`keep`](Self::keep), of a state in parts: what is written grows with what has changed, not with all there is.
+    pub fn keep_with(&mut self, head: &[u8], parts: &mut dyn Parts) {
+        let saved = self.save(head, parts);
+        let path = self.path.display();
+        let mut refusal = self.refusal.borrow_mut();
+        match saved {
+            Ok(()) => {
+                if refusal.take().is_some() {
+                    tracing::info!("{path} is kept again");
+                    self.spare.iter().for_each(|spare| drop(std::fs::remove_file(spare)));
+                }
+            }
+            Err(error) => {
+                let spared = self.spare.as_ref().map(|spare| self.replace(spare, head, parts));
+                let consequence = match spared {
+                    Some(Ok(_)) => "what is kept lasts until the deployment stops",
+                    Some(Err(_)) | None => "who is killed now goes on from an older state",
+                };
+                if refusal.is_none() {
+                    tracing::error!("{path}: {error}; {consequence}");
+                }
+                *refusal = Some(format!("its state cannot be kept: {error}"));
             }
         }
     }
 
+    fn save(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
+        // Where one of them fails, what has changed is no longer known: the next one is whole.
+        let appendable = self.journal.take().filter(|journal| journal.length < 2 * journal.whole + APPENDED);
+        let written = match appendable.and_then(|journal| Some((self.open_as(journal)?, journal))) {
+            Some((file, journal)) => append(file, journal, head, parts)?,
+            None => self.replace(&self.path, head, parts)?,
+        };
+        self.journal = Some(written);
+        Ok(())
+    }
+
+    /// The file, if it is as this incarnation has left it.
+    fn open_as(&self, journal: Journal) -> Option<File> {
+        let file = OpenOptions::new().append(true).open(&self.path).ok()?;
+        (file.metadata().ok()?.len() == journal.length).then_some(file)
+    }
+
+    fn replace(&self, path: &Path, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
+        if let Some(folder) = path.parent() {
+            make_private(folder)?;
+        }
+        let fresh = path.with_extension("fresh");
+        let written = self.write_whole(&fresh, head, parts).and_then(|length| std::fs::rename(&fresh, path).map(|()| length));
+        if written.is_err() {
+            // On a full disk half a state takes the room of what is worth more.
+            let _ = std::fs::remove_file(&fresh);
+        }
+        written.map(|length| Journal { length, whole: length })
+    }
+
+    fn write_whole(&self, fresh: &Path, head: &[u8], parts: &mut dyn Parts) -> io::Result<u64> {
+        let mut into = Counting { into: BufWriter::with_capacity(BUFFER, File::create(fresh)?), count: 0 };
+        put_preamble(&mut into, self.run, self.start)?;
+        parts.take_changed();
+        put_state(&mut into, parts.all(), head, parts)?;
+        into.flush()?;
+        Ok(into.count)
+    }
+}
+
+fn file(folder: &Path, membership: &Membership) -> PathBuf {
+    folder.join(format!("{}.checkpoint", membership.process()))
+}
+
+fn copy_aside(file: &Path, damage: &str) {
+    let (path, aside) = (file.display(), free_name(file));
+    match std::fs::copy(file, &aside) {
+        Ok(_) => tracing::error!("{path} is damaged {damage}; goes on from what was kept before, a copy is {}", aside.display()),
+        Err(error) => tracing::error!("{path} is damaged {damage}; goes on from what was kept before, without a copy: {error}"),
+    }
+}
+
+/// Adds what has changed. Where that fails, the file is as it was.
+fn append(file: File, journal: Journal, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
+    let mut into = Counting { into: BufWriter::with_capacity(BUFFER, file), count: 0 };
+    let changed = parts.take_changed();
+    match put_state(&mut into, changed, head, parts).and_then(|()| into.flush()) {
+        Ok(()) => Ok(Journal { length: journal.length + into.count, ..journal }),
+        Err(error) => {
+            let (file, _) = into.into.into_parts();
+            let _ = file.set_len(journal.length);
+            Err(error)
+        }
+    }
+}
+
+fn put_state(into: &mut impl Write, keys: Vec<PartKey>, head: &[u8], parts: &dyn Parts) -> io::Result<()> {
+    let mut part = Vec::new();
+    for key in keys {
+        part.clear();
+        parts.write(key, &mut part);
+        put_part(into, key, &part)?;
+    }
+    put_head(into, head)
+}
+
+/// A state without parts.
+struct Whole;
+
+impl Parts for Whole {
+    fn take_changed(&mut self) -> Vec<PartKey> {
+        Vec::new()
+    }
+
+    fn all(&self) -> Vec<PartKey> {
+        Vec::new()
+    }
+
+    fn write(&self, _: PartKey, _: &mut Vec<u8>) {}
+}
+
+/// Counts what is written.
+struct Counting<W> {
+    into: W,
+    count: u64,
+}
+
+impl<W: Write> Write for Counting<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.into.write(bytes)?;
+        self.count += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.into.flush()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::clock::DeploymentClock;
+
+    /// The checkpoint of a process that has been killed once, in a run that has been started `start` times before.
+    pub(crate) fn checkpoint(state: &Path, run: u64, start: u32) -> Checkpoint {
+        let membership = Membership {
+            directory: state.with_extension("domain"),
+            process: "mapping".to_owned(),
+            run,
+            incarnation: 1,
+            clock: DeploymentClock::from_parts(0, 0, 1.0),
+            settings_path: PathBuf::new(),
+            routed: Vec::new(),
+            state: state.to_owned(),
+            start,
+        };
+        Checkpoint::of(&membership, Refusal::default())
+    }
+
+    type Kept = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
+
+    fn load(checkpoint: &Checkpoint) -> Option<Kept> {
+        let owned = |parts: &BTreeMap<PartKey, &[u8]>| parts.iter().map(|(key, part)| (*key, part.to_vec())).collect();
+        checkpoint.take_up(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
+    }
+
+    fn saved(state: &[u8], before_a_stop: bool) -> Option<Kept> {
+        Some((state.to_vec(), BTreeMap::new(), before_a_stop))
+    }
+
+    /// Parts that are numbers, and how many were written.
+    #[derive(Default)]
+    struct Numbers {
+        numbers: BTreeMap<PartKey, u64>,
+        changed: Vec<PartKey>,
+        written: Cell<usize>,
+    }
+
+    impl Numbers {
+        fn set(&mut self, key: PartKey, number: u64) {
+            self.numbers.insert(key, number);
+            self.changed.push(key);
+        }
+
+        fn kept(&self, head: &[u8]) -> Option<Kept> {
+            let parts = self.numbers.iter().map(|(key, number)| (*key, number.to_le_bytes().repeat(100))).collect();
+            Some((head.to_vec(), parts, false))
+        }
+    }
+
+    impl Parts for Numbers {
+        fn take_changed(&mut self) -> Vec<PartKey> {
+            std::mem::take(&mut self.changed)
+        }
+
+        fn all(&self) -> Vec<PartKey> {
+            self.numbers.keys().copied().collect()
+        }
+
+        fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
+            self.written.set(self.written.get() + 1);
+            bytes.extend(self.numbers[&key].to_le_bytes().repeat(100));
+        }
+    }
+
+    #[test]
+    fn what_is_saved_is_taken_up_and_what_is_damaged_is_put_aside() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        assert_eq!(load(&checkpoint), None);
+        checkpoint.keep(b"first");
+        assert_eq!(load(&self::checkpoint(&folder, 7, 1)), saved(b"first", true));
+
+        let first = std::fs::read(&checkpoint.path).expect("readable").len();
+        checkpoint.keep(b"second");
+        assert_eq!(load(&checkpoint), saved(b"second", false));
+        let whole = std::fs::read(&checkpoint.path).expect("readable");
+        let mut aside = 0;
+        for at in 0..whole.len() {
+            let cut = whole[..at].to_vec();
+            let mut turned = whole.clone();
+            turned[at] ^= 1;
+            for damaged in [cut, turned] {
+                std::fs::write(&checkpoint.path, &damaged).expect("written");
+                let expected = if at < first { None } else { saved(b"first", false) };
+                assert_eq!(load(&checkpoint), expected, "byte {at}");
+                let kept = folder.join(format!("mapping.checkpoint-{}", aside + 1));
+                // An end that is missing, as a kill leaves it, is nothing to look at.
+                let is_cut = at >= first && !kept.exists();
+                if !is_cut {
+                    aside += 1;
+                    assert_eq!(std::fs::read(kept).expect("kept"), damaged);
+                }
+            }
+        }
+        assert!(aside > 2 * first, "what was damaged behind the first state was copied, too");
+    }
+
     #[test]
     fn another_run_is_refused_and_so_is_what_cannot_be_restored() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let checkpoint = Checkpoint::new(folder.path(), "mapping", 7, 0);
-        checkpoint.save(b"state").expect("saved");
-        assert_eq!(load(&Checkpoint::new(folder.path(), "mapping", 8, 0)), None);
-        checkpoint.save(b"state").expect("saved");
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        checkpoint.keep(b"state");
+        assert_eq!(load(&self::checkpoint(&folder, 8, 0)), None);
+        checkpoint.keep(b"state");
         assert_eq!(checkpoint.take_up(|_| Err::<(), _>("of another version")), None);
         assert_eq!(load(&checkpoint), None);
-        assert_eq!(folder.path().read_dir().expect("readable").count(), 2, "both are kept");
+        assert_eq!(folder.read_dir().expect("readable").count(), 2, "both are kept");
+    }
+
+    #[test]
+    fn only_what_has_changed_is_written_and_the_file_does_not_grow_without_end() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut numbers = Numbers::default();
+        (0..1000).for_each(|column| numbers.set([0, 0, column], 1));
+        checkpoint.keep_with(b"0", &mut numbers);
+        let whole = std::fs::metadata(&checkpoint.path).expect("there").len();
+        assert_eq!(numbers.written.replace(0), 1000);
+        for round in 1..=500_i32 {
+            numbers.set([0, 0, round], 2);
+            numbers.set([1, round, 0], 3);
+            let head = round.to_string();
+            checkpoint.keep_with(head.as_bytes(), &mut numbers);
+            assert!(round > 1 || numbers.written.get() == 2, "{}", numbers.written.get());
+            if round % 50 < 2 {
+                assert_eq!(load(&checkpoint), numbers.kept(head.as_bytes()), "round {round}");
+            }
+        }
+        assert!(numbers.written.get() < 2 * 500 + 2000, "{}", numbers.written.get());
+        let length = std::fs::metadata(&checkpoint.path).expect("there").len();
+        assert!(length < 3 * whole + 2 * APPENDED, "{whole} {length}");
+        assert_eq!(folder.read_dir().expect("readable").count(), 1);
+    }
+
+    #[test]
+    fn what_was_taken_away_is_written_whole_again() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut numbers = Numbers::default();
+        (0..10).for_each(|column| numbers.set([0, 0, column], 1));
+        checkpoint.keep_with(b"first", &mut numbers);
+        std::fs::remove_dir_all(&folder).expect("removed");
+        numbers.set([0, 0, 3], 4);
+        checkpoint.keep_with(b"second", &mut numbers);
+        assert_eq!(load(&checkpoint), numbers.kept(b"second"));
+
+        std::fs::write(&checkpoint.path, b"somebody else's").expect("written");
+        checkpoint.keep_with(b"third", &mut numbers);
+        assert_eq!(load(&checkpoint), numbers.kept(b"third"));
+    }
+
+    #[test]
+    fn while_the_file_system_refuses_the_state_is_kept_with_the_deployment() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut numbers = Numbers::default();
+        numbers.set([0, 0, 0], 1);
+        numbers.set([0, 0, 1], 1);
+        checkpoint.keep_with(b"first", &mut numbers);
+        assert_eq!(*checkpoint.refusal.borrow(), None);
+        // A file in the place of the folder.
+        let away = out.path().join("away");
+        std::fs::rename(&folder, &away).expect("renamed");
+        std::fs::write(&folder, b"").expect("written");
+        for (head, number) in [(b"second", 2), (b"third ", 3)] {
+            numbers.set([0, 0, 1], number);
+            checkpoint.keep_with(head, &mut numbers);
+            assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(head));
+            assert!(checkpoint.refusal.borrow().as_ref().is_some_and(|words| words.starts_with("its state cannot be kept: ")));
+        }
+        std::fs::remove_file(&folder).expect("removed");
+        std::fs::rename(&away, &folder).expect("renamed");
+        assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(b"third "), "not the older one that is there again");
+        checkpoint.keep_with(b"fourth", &mut numbers);
+        assert_eq!((load(&checkpoint), &*checkpoint.refusal.borrow()), (numbers.kept(b"fourth"), &None));
+        assert_eq!(out.path().join("state.domain/state").read_dir().expect("readable").count(), 0, "what was spare is gone");
     }
 }

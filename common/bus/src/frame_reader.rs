@@ -88,6 +88,11 @@ impl<P: Pictures> FrameReader<P> {
         self.stream.skip_to(seq, stamp_ns);
     }
 
+    /// Takes the first picture that comes as the beginning of the stream: what was sent before is not missed.
+    pub fn join(&mut self) {
+        self.stream.join();
+    }
+
     /// Whether the end of the stream has been taken.
     #[must_use]
     pub fn ended(&self) -> bool {

@@ -12,7 +12,7 @@ use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, P
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::broken::BusError;
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, Refusal};
 use crate::domain::{DomainError, join_members};
 use crate::fabric::{Channel, Fabric, Opened};
 use crate::frame_reader::FrameReader;
@@ -115,6 +115,8 @@ pub struct Shell {
     inputs: Vec<Rc<RefCell<Account>>>,
     sent: Rc<Cell<u64>>,
     report: Report,
+    /// Why its checkpoint cannot be kept.
+    refusal: Refusal,
     /// Processes that may need again what this one has said.
     needed_by: Vec<String>,
     _member: File,
@@ -163,6 +165,7 @@ impl Shell {
             inputs: Vec::new(),
             sent: Rc::new(Cell::new(0)),
             report: Report::default(),
+            refusal: Refusal::default(),
             needed_by: Vec::new(),
             _member: member,
         };
@@ -255,11 +258,16 @@ impl Shell {
         &self.membership
     }
 
-    /// Where this process keeps its state between its incarnations.
+    /// Where this process keeps its state between its incarnations, and where the run goes on, between its starts.
     #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
-        let Membership { state, run, start, .. } = &self.membership;
-        Checkpoint::new(state, self.membership.process(), *run, *start)
+        Checkpoint::of(&self.membership, self.refusal.clone())
+    }
+
+    /// Where this process keeps state that is of no use to the next start of the deployment, and would wear out a disk.
+    #[must_use]
+    pub fn passing_checkpoint(&self) -> Checkpoint {
+        Checkpoint::passing(&self.membership, self.refusal.clone())
     }
 
     /// Lets readers that have joined have what was sent, and waits until a message comes on an input, or for `patience`; for
@@ -306,7 +314,7 @@ impl Shell {
         self.beat(Phase::Ending)?;
         if self.sent.get() > 0 {
             self.writers.iter().for_each(|writer| writer.refresh());
-            rustix::event::poll(&mut [], Some(&timespec(LINGER))).map_err(std::io::Error::from)?;
+            self.wait(&[], LINGER)?;
         }
         Ok(())
     }
@@ -376,9 +384,13 @@ impl Shell {
         let (report, inputs, sent) = (&self.report, &self.inputs, self.sent.get());
         let process = Text::new(self.membership.process());
         let stamp_ns = self.membership.clock().now_ns();
+        let note = match &*self.refusal.borrow() {
+            Some(refusal) => Text::new(&format!("{refusal}; {}", report.note)),
+            None => report.note,
+        };
         self.heartbeats.send_with(report.rounds, stamp_ns, |heartbeat| {
             heartbeat.process = process;
-            heartbeat.note = report.note;
+            heartbeat.note = note;
             heartbeat.progress = report.rounds;
             heartbeat.sent = sent;
             for (place, input) in heartbeat.inputs.iter_mut().zip(inputs) {

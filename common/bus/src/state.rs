@@ -7,8 +7,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::checkpoint::check;
-use crate::paths::{free_name, ignore_missing, make_private};
+use crate::journal::read;
+use crate::paths::{free_name, ignore_missing, make_private, passing_state};
 
 /// The file of the note.
 const NOTE: &str = "run";
@@ -52,7 +52,7 @@ impl State {
     /// Checkpoints that go when the deployment does.
     pub(crate) fn of_the_run(domain: &Path, run: u64) -> Self {
         let note = Note { name: String::new(), made_with: 0, run, start: 0, last_ns: 0 };
-        Self { folder: domain.join("state"), note, outlives: false }
+        Self { folder: passing_state(domain), note, outlives: false }
     }
 
     /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
@@ -78,7 +78,7 @@ impl State {
         if !self.outlives {
             return Ok(());
         }
-        let fresh = self.folder.join("run.fresh");
+        let fresh = self.folder.join("run.new");
         std::fs::write(&fresh, Note { last_ns: now_ns, ..self.note.clone() }.to_text())?;
         std::fs::rename(&fresh, self.folder.join(NOTE))
     }
@@ -143,7 +143,7 @@ fn damage(folder: &Path, run: u64) -> io::Result<Option<String>> {
     for entry in folder.read_dir()? {
         let path = entry?.path();
         if path.extension().is_some_and(|extension| extension == "checkpoint")
-            && let Err(reason) = check(&std::fs::read(&path)?, run)
+            && let Err(reason) = read(&std::fs::read(&path)?, run)
         {
             return Ok(Some(format!("{} is no checkpoint of the last one ({reason})", path.display())));
         }
@@ -173,12 +173,12 @@ impl Note {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::checkpoint::Checkpoint;
+    use crate::checkpoint::tests::checkpoint;
 
     fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> State {
         let state = State::take_up(Kept { folder, made_with, fresh }, name, run).expect("taken up");
         state.note(1_000 * (run + 1)).expect("noted");
-        Checkpoint::new(folder, "mapping", state.run(), state.start()).save(b"map").expect("saved");
+        checkpoint(folder, state.run(), state.start()).keep(b"map");
         state
     }
 

@@ -44,6 +44,8 @@ pub(crate) struct Stream {
     latencies: Box<Latencies>,
     account: Rc<RefCell<Account>>,
     last_stamp_ns: u64,
+    /// What was sent before the first message that comes is not missed.
+    joins: bool,
     ended: bool,
 }
 
@@ -78,6 +80,7 @@ impl Stream {
             latencies: Box::new(Latencies::new()),
             account: Rc::new(RefCell::new(Account { counters, handed_out: 0, passed: 0 })),
             last_stamp_ns: 0,
+            joins: false,
             ended: false,
         }
     }
@@ -91,6 +94,10 @@ impl Stream {
         account.handed_out = account.handed_out.max(seq);
         account.pass(seq);
         self.last_stamp_ns = self.last_stamp_ns.max(stamp_ns);
+    }
+
+    pub(crate) fn join(&mut self) {
+        self.joins = true;
     }
 
     pub(crate) fn passed(&self) -> u64 {
@@ -113,6 +120,13 @@ impl Stream {
         let account = &mut *account;
         if header.run != self.run {
             account.counters.refused += 1;
+            tracing::warn!(
+                "refused message {} of {}: it is of run {:016x}, expected {:016x}",
+                header.seq,
+                service.name,
+                header.run,
+                self.run
+            );
             return Admission::Dropped;
         }
         let found = checksum();
@@ -163,10 +177,22 @@ impl Stream {
         let mut lost_before = 0;
         if service.sequenced {
             if header.seq <= account.handed_out {
-                account.counters.repeated += 1;
+                // What is said again is as old as it was. Who begins anew with its numbers would be taken for one who repeats himself.
+                if self.last_stamp_ns > 0 && header.stamp_ns > self.last_stamp_ns {
+                    account.counters.refused += 1;
+                    tracing::warn!(
+                        "refused message {} of {}: its number was had, up to {}, but it is newer: its sender has begun anew",
+                        header.seq,
+                        service.name,
+                        account.handed_out
+                    );
+                } else {
+                    account.counters.repeated += 1;
+                }
                 return Admission::Dropped;
             }
-            lost_before = header.seq - account.handed_out - 1;
+            let is_first = account.handed_out == 0;
+            lost_before = if self.joins && is_first { 0 } else { header.seq - account.handed_out - 1 };
             account.handed_out = header.seq;
             self.last_stamp_ns = header.stamp_ns;
         }
@@ -259,6 +285,37 @@ mod tests {
         assert!(is_handed_out(&mut stream, &header(Kind::Data, 1, 1_000)));
         assert!(!is_handed_out(&mut stream, &header(Kind::Data, 2, 900)));
         assert!(matches!(stream.admit(&header(Kind::End, 2, 900), || CHECKSUM, || Ok(())), Admission::End { seq: 2 }));
+    }
+
+    #[test]
+    fn who_joins_misses_nothing_that_was_before() {
+        let lost = |joins: bool| {
+            let mut stream = stream();
+            if joins {
+                stream.join();
+            }
+            [40, 42].map(|seq| match stream.admit(&header(Kind::Data, seq, seq), || CHECKSUM, || Ok(())) {
+                Admission::Message { lost_before } => lost_before,
+                _ => panic!("{seq} is handed out"),
+            })
+        };
+        assert_eq!((lost(true), lost(false)), ([0, 1], [39, 1]));
+    }
+
+    #[test]
+    fn who_begins_anew_with_its_numbers_is_named_and_who_repeats_himself_is_not() {
+        let mut stream = stream();
+        let counts = |stream: &Stream| (stream.account().borrow().counters.refused, stream.account().borrow().counters.repeated);
+        assert!((1..=3).all(|seq| is_handed_out(&mut stream, &header(Kind::Data, seq, 100 * seq))));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 2, 200)));
+        assert_eq!(counts(&stream), (0, 1));
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 1, 400)));
+        assert_eq!(counts(&stream), (1, 1));
+        // Where only the number of what was had is known, nothing can be told.
+        let mut restarted = self::stream();
+        restarted.skip_to(3, 0);
+        assert!(!is_handed_out(&mut restarted, &header(Kind::Data, 1, 400)));
+        assert_eq!(counts(&restarted), (0, 1));
     }
 
     #[test]

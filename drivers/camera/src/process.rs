@@ -60,7 +60,7 @@ impl Wish {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
-    let last = checkpoint.take_up(|saved| Place::from_bytes(&saved.state).ok_or("it has another length")).unwrap_or_default();
+    let last = checkpoint.take_up(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),
@@ -70,7 +70,6 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
         session: Session::new(limits, speed, last),
         frames: shell.frame_writer()?,
         checkpoint,
-        unsaved: false,
         speed,
     };
     Ok(shell.run(&mut process)?)
@@ -85,8 +84,6 @@ struct Process {
     session: Session,
     frames: FrameWriter<CameraFrame>,
     checkpoint: Checkpoint,
-    /// The last place could not be saved, which has been said.
-    unsaved: bool,
     speed: f64,
 }
 
@@ -135,7 +132,7 @@ impl Process {
         }
         let place = self.session.next_place(&about, now_ns, clock_ns());
         // Before the picture leaves: after a kill at any moment no number is given twice.
-        save(&self.checkpoint, place, &mut self.unsaved);
+        self.checkpoint.keep(place.as_bytes());
         let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
         let result = self.frames.try_send_with(place.seq, place.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;
         Ok(Some(Input::Picture(about.sequence, result.map(|()| place))))
@@ -199,17 +196,6 @@ impl Process {
         ] {
             context.count(name, value);
         }
-    }
-}
-
-fn save(checkpoint: &Checkpoint, place: Place, unsaved: &mut bool) {
-    match checkpoint.save(place.as_bytes()) {
-        Ok(()) => *unsaved = false,
-        Err(error) if !*unsaved => {
-            tracing::warn!("{error}; after a crash the pictures would be numbered anew");
-            *unsaved = true;
-        }
-        Err(_) => {}
     }
 }
 

@@ -47,15 +47,14 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
         PortSetting::Device(path) => path.clone(),
     };
     let checkpoint = shell.checkpoint();
-    let kept = checkpoint.take_up(|saved| Checkpoint::from_bytes(&saved.state).ok_or("it is of another build"));
+    let kept = checkpoint.take_up(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
     let mut scans = shell.writer()?;
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
     }
     let session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, speed), kept);
     let simulated = settings.pioneer.port == PortSetting::Simulator;
-    let mut process =
-        Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, unsaved: false, speed };
+    let mut process = Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, speed };
     Ok(shell.run(&mut process)?)
 }
 
@@ -71,8 +70,6 @@ struct Process {
     stamp_ns: u64,
     scans: Writer<SonarScan>,
     checkpoint: bus::Checkpoint,
-    /// The last checkpoint could not be saved, which has been said.
-    unsaved: bool,
     speed: f64,
 }
 
@@ -199,14 +196,8 @@ impl Process {
     }
 
     fn publish(&mut self, kept: &Checkpoint) -> Result<(), StepError> {
-        match self.checkpoint.save(kept.as_bytes()) {
-            Ok(()) => self.unsaved = false,
-            Err(error) if !self.unsaved => {
-                tracing::warn!("{error}; after a crash the pose would start anew");
-                self.unsaved = true;
-            }
-            Err(_) => {}
-        }
+        // Before the scan leaves: after a kill at any moment no number is given twice.
+        self.checkpoint.keep(kept.as_bytes());
         self.stamp_ns = kept.stamp_ns;
         Ok(self.scans.send(kept.seq, kept.stamp_ns, &kept.scan)?)
     }

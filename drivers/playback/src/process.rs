@@ -47,7 +47,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let membership = shell.membership();
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
-    let resume = checkpoint.take_up(|saved| Resume::from_bytes(&saved.state).ok_or("it is cut")).unwrap_or_default();
+    let resume = checkpoint.take_up(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
     if restarted {
         tracing::info!("goes on behind scan {}", resume.begin_behind()[0]);
     }

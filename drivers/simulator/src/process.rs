@@ -263,7 +263,7 @@ impl Process {
 
 /// Takes the drive up where an earlier incarnation left it.
 fn resume(checkpoint: &Checkpoint, simulation: &mut Simulation) -> DriveState {
-    let state = checkpoint.take_up(|saved| DriveState::from_bytes(&saved.state).ok_or("it has another length")).unwrap_or_default();
+    let state = checkpoint.take_up(|saved| DriveState::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
     if state.packets > 0 {
         tracing::info!("the drive goes on after {} packets, the robot switched off and on", state.packets);
     }

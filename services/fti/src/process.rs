@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Saved, Shell, StepError, Writer};
+use bus::{
+    BusError, Checkpoint, Context, Next, PartKey, Parts, Process, Reader, Received, Recent, RunError, Saved, Shell, StepError, Writer,
+};
 use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
@@ -126,7 +128,7 @@ struct Integration {
     place: Place,
     /// Last scan that the checkpoint includes.
     checkpointed: u64,
-    /// The last checkpoint: the next one takes its memory.
+    /// The head of the last checkpoint: the next one takes its memory.
     saved: Vec<u8>,
     lockstep: bool,
     scans_ended_at: Option<Instant>,
@@ -273,8 +275,8 @@ impl Integration {
         let mut bytes = std::mem::take(&mut self.saved);
         bytes.clear();
         let bytes = postcard::to_extend(&(self.place, self.recent.to_bytes()), bytes)?;
-        self.saved = self.fti.write_to(bytes);
-        self.checkpoint.keep(&self.saved);
+        self.saved = self.fti.save_head(bytes);
+        self.checkpoint.keep_with(&self.saved, &mut self.fti);
         self.checkpointed = self.place.scan;
         Ok(())
     }
@@ -311,10 +313,24 @@ impl Integration {
     }
 }
 
-fn restore(parameters: Parameters, saved: &Saved) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
-    let ((place, recent), state) = postcard::take_from_bytes::<(Place, Vec<u8>)>(&saved.state)?;
+impl Parts for Fti {
+    fn take_changed(&mut self) -> Vec<PartKey> {
+        self.take_unsaved()
+    }
+
+    fn all(&self) -> Vec<PartKey> {
+        self.saved_tiles()
+    }
+
+    fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
+        self.save_tile(key, bytes);
+    }
+}
+
+fn restore(parameters: Parameters, saved: &Saved<'_>) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
+    let ((place, recent), head) = postcard::take_from_bytes::<(Place, Vec<u8>)>(saved.state)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    let mut fti = Fti::from_bytes(parameters, state)?;
+    let mut fti = Fti::restore(parameters, head, saved.parts.iter().map(|(key, part)| (*key, *part)))?;
     if saved.before_a_stop {
         fti.reopen();
     }

@@ -1,4 +1,5 @@
-//! The whole state as bytes, so that a restarted process goes on where it stopped.
+//! The state as bytes, so that a restarted process goes on where it stopped: a head, and tiles of evidence, of which few change
+//! from one time to the next.
 
 use std::collections::VecDeque;
 
@@ -14,7 +15,7 @@ use crate::tracks::Tracks;
 use crate::{Fti, Parameters, ParametersError};
 
 /// Changes whenever the bytes mean something else.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -28,9 +29,11 @@ pub enum StateError {
     /// Cut off, or not a state at all.
     #[error("the state cannot be read: {0}")]
     Damaged(#[from] postcard::Error),
-    /// A tile with too few or too many cells.
-    #[error("a tile of the state has {found} cells, expected {TILE_CELLS}")]
+    /// A tile with too few or too many cells, or in a place that there is not.
+    #[error("tile {key:?} of the state has {found} cells, expected one of layer 0 within reach with {TILE_CELLS}")]
     Tile {
+        /// Layer, row and column.
+        key: [i32; 3],
         /// Its cells.
         found: usize,
     },
@@ -48,13 +51,11 @@ pub enum StateError {
 /// Hits, sights of emptiness and the slots of the last of each.
 type Packed = (u8, u8, u16, u16);
 
-/// Written field by field, see [`Fti::write_to`].
+/// Written field by field, see [`Fti::save_head`].
 #[derive(Deserialize)]
-struct State {
+struct Head {
     streams: Streams,
     tracks: Tracks,
-    /// Row, column and cells of each tile.
-    still: Vec<(i32, i32, Vec<Packed>)>,
     runs: Runs,
     company_ns: Option<u64>,
     pending: VecDeque<PendingScan>,
@@ -63,15 +64,7 @@ struct State {
     last: Option<(u64, f64, f64, f64)>,
 }
 
-/// The tiles as they are written: a copy of them all would take as much memory again.
-struct Tiles<'a>(&'a Still);
-
-impl Serialize for Tiles<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.0.cells().tiles().map(|(key, cells)| (key.row, key.column, Cells(cells))))
-    }
-}
-
+/// A tile as it is written: a copy would take as much memory again.
 struct Cells<'a>(&'a Tile<Evidence>);
 
 impl Serialize for Cells<'_> {
@@ -81,50 +74,70 @@ impl Serialize for Cells<'_> {
 }
 
 impl Fti {
-    /// The whole state.
+    /// The bytes with the state behind them, without its tiles.
     #[must_use]
-    pub fn to_bytes(&self) -> Vec<u8> {
-        self.write_to(Vec::new())
-    }
-
-    /// The bytes with the whole state behind them.
-    #[must_use]
-    pub fn write_to(&self, bytes: Vec<u8>) -> Vec<u8> {
+    pub fn save_head(&self, bytes: Vec<u8>) -> Vec<u8> {
         let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
-        let state = (&self.streams, &self.tracks, Tiles(&self.still), &self.runs, self.company_ns, &self.pending, &self.recent, last);
+        let head = (&self.streams, &self.tracks, &self.runs, self.company_ns, &self.pending, &self.recent, last);
         // Writing numbers and lists into memory has no way to fail.
-        postcard::to_extend(&(VERSION, state), bytes).unwrap_or_default()
+        postcard::to_extend(&(VERSION, head), bytes).unwrap_or_default()
     }
 
-    /// A service that goes on from a state.
+    /// Layer, row and column of each tile of the state; there is one layer, 0.
+    #[must_use]
+    pub fn saved_tiles(&self) -> Vec<[i32; 3]> {
+        self.still.cells().tiles().map(|(key, _)| [0, key.row, key.column]).collect()
+    }
+
+    /// Layer, row and column of each tile that has changed since this was last asked.
+    pub fn take_unsaved(&mut self) -> Vec<[i32; 3]> {
+        self.still.take_changed().into_iter().map(|key| [0, key.row, key.column]).collect()
+    }
+
+    /// Appends a tile of the state to `bytes`; nothing where there is none.
+    pub fn save_tile(&self, [_, row, column]: [i32; 3], bytes: &mut Vec<u8>) {
+        if let Some(cells) = self.still.cells().tile(TileKey { row, column }) {
+            *bytes = postcard::to_extend(&Cells(cells), std::mem::take(bytes)).unwrap_or_default();
+        }
+    }
+
+    /// A service that goes on from what [`Self::save_head`] gave, and [`Self::save_tile`] of each tile.
     ///
     /// # Errors
     /// Bytes of another version or damaged ones; parameters that cannot be meant.
-    pub fn from_bytes(parameters: Parameters, bytes: &[u8]) -> Result<Self, StateError> {
-        let (found, rest) = postcard::take_from_bytes::<u32>(bytes)?;
+    pub fn restore<'a>(
+        parameters: Parameters,
+        head: &[u8],
+        tiles: impl IntoIterator<Item = ([i32; 3], &'a [u8])>,
+    ) -> Result<Self, StateError> {
+        let (found, rest) = postcard::take_from_bytes::<u32>(head)?;
         if found != VERSION {
             return Err(StateError::Version { found });
         }
-        let state: State = postcard::from_bytes(rest)?;
-        if let Some(scan) = state.pending.iter().chain(&state.recent).find(|scan| !scan.is_possible()) {
+        let head: Head = postcard::from_bytes(rest)?;
+        if let Some(scan) = head.pending.iter().chain(&head.recent).find(|scan| !scan.is_possible()) {
             return Err(StateError::Scan { seq: scan.seq });
         }
         let mut fti = Self::new(parameters)?;
         let mut cells = Lattice::new(fti.cell);
-        for (row, column, packed) in state.still {
+        for (key, packed) in tiles {
+            let [layer, row, column] = key;
             let unpack = |(hits, free, hit_slot, free_slot)| Evidence { hits, free, hit_slot, free_slot };
-            let tile: Vec<Evidence> = packed.into_iter().map(unpack).collect();
-            let tile = tile.try_into().map_err(|tile: Vec<Evidence>| StateError::Tile { found: tile.len() })?;
-            cells.set_tile(TileKey { row, column }, &tile);
+            let tile: Vec<Evidence> = postcard::from_bytes::<Vec<Packed>>(packed)?.into_iter().map(unpack).collect();
+            let (place, found) = (TileKey { row, column }, tile.len());
+            match tile.try_into() {
+                Ok(tile) if layer == 0 && place.first_cell().is_some() => cells.set_tile(place, &tile),
+                _ => return Err(StateError::Tile { key, found }),
+            }
         }
-        fti.streams = state.streams;
-        fti.tracks = state.tracks;
+        fti.streams = head.streams;
+        fti.tracks = head.tracks;
         fti.still = Still::new(cells);
-        fti.runs = state.runs;
-        fti.company_ns = state.company_ns;
-        fti.pending = state.pending;
-        fti.recent = state.recent;
-        fti.last = state.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
+        fti.runs = head.runs;
+        fti.company_ns = head.company_ns;
+        fti.pending = head.pending;
+        fti.recent = head.recent;
+        fti.last = head.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
         Ok(fti)
     }
 }

@@ -1,7 +1,7 @@
 //! Whether something stands there: in how many slots of time a cell was hit, and in how many it was seen free.
 
 use beam::Beam;
-use grid::{Cell, CellSize, Lattice};
+use grid::{Cell, CellSize, Lattice, TileKey};
 
 /// Readings of one slot count once: a firing cycle and a half, ns.
 pub(crate) const SLOT_NS: u64 = 400_000_000;
@@ -50,6 +50,11 @@ impl Still {
 
     pub(crate) fn cells(&self) -> &Lattice<Evidence> {
         &self.cells
+    }
+
+    /// The tiles that have changed since this was last asked.
+    pub(crate) fn take_changed(&mut self) -> Vec<TileKey> {
+        self.cells.take_changed()
     }
 
     pub(crate) fn size(&self) -> CellSize {

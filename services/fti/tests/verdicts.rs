@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
+use std::collections::BTreeMap;
+
 use messages::{Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan};
 use proptest::prelude::*;
 use stillmap_fti::{Camera, Fti, Input, Parameters, Patience, StateError, Verdict};
@@ -153,13 +155,48 @@ fn the_order_of_arrival_decides_nothing() {
     assert_eq!(late, in_order);
 }
 
+/// Head and tiles of a state.
+type State = (Vec<u8>, BTreeMap<[i32; 3], Vec<u8>>);
+
+fn save(fti: &Fti) -> State {
+    let mut state = (fti.save_head(Vec::new()), BTreeMap::new());
+    save_tiles(fti, fti.saved_tiles(), &mut state);
+    state
+}
+
+fn save_tiles(fti: &Fti, keys: Vec<[i32; 3]>, state: &mut State) {
+    for key in keys {
+        let mut tile = Vec::new();
+        fti.save_tile(key, &mut tile);
+        state.1.insert(key, tile);
+    }
+}
+
+fn restore(state: &State) -> Result<Fti, StateError> {
+    Fti::restore(Parameters::default(), &state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
+}
+
+#[test]
+fn what_changed_from_time_to_time_is_all_there_is() {
+    let mut fti = Fti::new(Parameters::default()).unwrap();
+    let mut kept = State::default();
+    for from in (1..=SCANS).step_by(7) {
+        feed(&mut fti, from..=(from + 6).min(SCANS), true);
+        kept.0 = fti.save_head(Vec::new());
+        let changed = fti.take_unsaved();
+        save_tiles(&fti, changed, &mut kept);
+        assert_eq!(kept, save(&fti), "from scan {from}");
+    }
+    assert!(kept.1.len() > 1);
+}
+
 #[test]
 fn a_state_read_back_goes_on_the_same() {
     for cut in [0, 1, 45, 62, 100] {
         let mut whole = Fti::new(Parameters::default()).unwrap();
         feed(&mut whole, 1..=cut, true);
-        let mut restored = Fti::from_bytes(Parameters::default(), &whole.to_bytes()).unwrap();
-        assert_eq!(restored.to_bytes(), whole.to_bytes());
+        let mut restored = restore(&save(&whole)).unwrap();
+        assert_eq!(save(&restored), save(&whole));
         assert_eq!(feed(&mut restored, cut + 1..=SCANS, true), feed(&mut whole, cut + 1..=SCANS, true));
         assert_eq!(finish(&mut restored), finish(&mut whole));
     }
@@ -177,7 +214,8 @@ fn the_state_does_not_grow_with_time() {
             drop(fti.step(Input::Scan { seq, stamp_ns, scan: &scan(time_s) }));
             drop(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
         }
-        fti.to_bytes().len()
+        let (head, tiles) = save(&fti);
+        head.len() + tiles.values().map(Vec::len).sum::<usize>()
     };
     let (warm, later) = (lap(1..=600), lap(601..=18_000));
     assert!(later < warm + 1000, "half an hour makes {warm} bytes {later}");
@@ -185,12 +223,18 @@ fn the_state_does_not_grow_with_time() {
 
 #[test]
 fn another_version_and_cut_bytes_are_refused() {
-    let error = |bytes: &[u8]| Fti::from_bytes(Parameters::default(), bytes).unwrap_err();
-    assert_eq!(error(&[77]), StateError::Version { found: 77 });
+    let error = |head: &[u8], tiles: &[([i32; 3], &[u8])]| Fti::restore(Parameters::default(), head, tiles.to_vec()).unwrap_err();
+    assert_eq!(error(&[77], &[]), StateError::Version { found: 77 });
     let mut fti = Fti::new(Parameters::default()).unwrap();
     feed(&mut fti, 1..=40, true);
-    let bytes = fti.to_bytes();
-    assert!(matches!(error(&bytes[..bytes.len() / 2]), StateError::Damaged(_)));
+    let (head, tiles) = save(&fti);
+    assert!(matches!(error(&head[..head.len() / 2], &[]), StateError::Damaged(_)));
+    let (key, tile) = tiles.first_key_value().unwrap();
+    assert!(matches!(error(&head, &[(*key, &tile[..9])]), StateError::Damaged(_)));
+    assert_eq!(error(&head, &[(*key, &[0])]), StateError::Tile { key: *key, found: 0 });
+    for nowhere in [[1, 0, 0], [0, i32::MAX, 0]] {
+        assert_eq!(error(&head, &[(nowhere, tile)]), StateError::Tile { key: nowhere, found: 1024 });
+    }
 }
 
 #[test]
@@ -222,9 +266,9 @@ proptest! {
 
     #[test]
     fn garbage_is_refused_or_read_but_never_breaks(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        let mut versioned = vec![4];
+        let mut versioned = vec![5];
         versioned.extend(&bytes);
-        if let Ok(mut fti) = Fti::from_bytes(Parameters::default(), &versioned) {
+        if let Ok(mut fti) = Fti::restore(Parameters::default(), &versioned, []) {
             feed(&mut fti, 1..=40, true);
         }
     }

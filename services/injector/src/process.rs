@@ -35,7 +35,7 @@ pub enum InjectorError {
 /// When the bus fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
     let checkpoint = shell.checkpoint();
-    let began_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(&saved.state))).unwrap_or_default();
+    let began_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(saved.state))).unwrap_or_default();
     let mut relays = Vec::new();
     for service in settings.routed_services() {
         let began_ns = began_ns.get(place_of(service)).copied().filter(|began| *began > 0);
@@ -209,9 +209,7 @@ impl Injector {
         }
         if began_ns != self.kept {
             let bytes: Vec<u8> = began_ns.iter().flat_map(|began| began.to_le_bytes()).collect();
-            if let Err(error) = self.checkpoint.save(&bytes) {
-                tracing::warn!("{error}");
-            }
+            self.checkpoint.keep(&bytes);
             self.kept = began_ns;
         }
     }

@@ -1,5 +1,5 @@
 //! Time to integrate one beam with the full fuzzy-tuned model into a 5 cm lattice, in a small and in a large map; to show the map
-//! anew within the horizon; and to save the state.
+//! anew within the horizon.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use std::f64::consts::TAU;
@@ -54,12 +54,11 @@ fn beams(c: &mut Criterion) {
     }
 }
 
-fn state(c: &mut Criterion) {
+fn shown(c: &mut Criterion) {
     let mut drive = Drive::new(40, 3.0);
     (0..75).for_each(|place| drive.turning_scan(0.5 + f64::from(place % 25) * 0.1, 1));
     c.bench_function("show 75 pending readings", |bencher| bencher.iter(|| drive.mapper.refresh()));
-    c.bench_function("save a map of 1600 tiles", |bencher| bencher.iter(|| drive.mapper.save()));
 }
 
-criterion_group!(benches, beams, state);
+criterion_group!(benches, beams, shown);
 criterion_main!(benches);

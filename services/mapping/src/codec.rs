@@ -39,10 +39,6 @@ impl<'a> Decoder<'a> {
         self.bytes().map(|b| u32::from_le_bytes(*b))
     }
 
-    pub(crate) fn i32(&mut self) -> Result<i32, StateError> {
-        self.bytes().map(|b| i32::from_le_bytes(*b))
-    }
-
     pub(crate) fn u64(&mut self) -> Result<u64, StateError> {
         self.bytes().map(|b| u64::from_le_bytes(*b))
     }

@@ -26,6 +26,8 @@ pub(crate) struct Layer {
     shown: Lattice<f32>,
     /// Tiles committed to since `shown` was made.
     settled: BTreeSet<TileKey>,
+    /// Tiles committed to since they were last saved.
+    unsaved: BTreeSet<TileKey>,
     /// Tiles of `shown` that have not been sent as they are.
     unsent: BTreeSet<TileKey>,
 }
@@ -38,6 +40,7 @@ impl Layer {
             committed: Lattice::new(cell),
             shown: Lattice::new(cell),
             settled: BTreeSet::new(),
+            unsaved: BTreeSet::new(),
             unsent: BTreeSet::new(),
         }
     }
@@ -78,7 +81,7 @@ impl Layer {
             let withheld = if self.heeds_verdicts { scan.withheld_so_far() } else { 0 };
             integrate(&mut top, parameters, scan, withheld);
         }
-        self.settled.extend(self.committed.take_changed());
+        self.note_commits();
         for key in std::mem::take(&mut self.settled) {
             if top.tile(key).is_none() {
                 self.show(key, self.committed.tile(key).copied().unwrap_or(UNKNOWN));
@@ -89,6 +92,18 @@ impl Layer {
             self.show(key, *cells);
             self.settled.insert(key);
         }
+    }
+
+    fn note_commits(&mut self) {
+        let committed = self.committed.take_changed();
+        self.unsaved.extend(&committed);
+        self.settled.extend(committed);
+    }
+
+    /// The tiles committed to since this was last asked; they count as saved.
+    pub(crate) fn take_unsaved(&mut self) -> BTreeSet<TileKey> {
+        self.note_commits();
+        std::mem::take(&mut self.unsaved)
     }
 
     #[expect(clippy::float_cmp, reason = "a tile that is the same to the bit is not sent again")]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, Checkpoint, Context, Next, PartKey, Parts, Process, Reader, Received, RunError, Shell, StepError, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
 use settings::{Pace, Settings};
 
@@ -83,7 +83,8 @@ impl Mapping {
         let speed = shell.membership().speed();
         let parameters = Parameters::new(&settings.mapping, settings.pace)?.waiting_for(settings.fti.patience_s.get(), speed);
         let checkpoint = shell.checkpoint();
-        let restored = checkpoint.take_up(|saved| Mapper::restore(parameters.clone(), &saved.state));
+        let restored = checkpoint
+            .take_up(|saved| Mapper::restore(parameters.clone(), saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
         let mapper = restored.unwrap_or_else(|| Mapper::new(parameters));
         let mut scans = shell.reader::<SonarScan>()?;
         let (last_seq, last_ns) = mapper.last_scan();
@@ -173,7 +174,7 @@ impl Mapping {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        self.checkpoint.keep(&self.mapper.save());
+        self.checkpoint.keep_with(&self.mapper.save_head(), &mut self.mapper);
         self.checkpointed = self.mapper.last_scan().0;
         Ok(())
     }
@@ -252,6 +253,20 @@ impl Mapping {
         self.tiles.end(seq, stamp_ns)?;
         self.way.end(seq, stamp_ns)?;
         Ok(())
+    }
+}
+
+impl Parts for Mapper {
+    fn take_changed(&mut self) -> Vec<PartKey> {
+        self.take_unsaved()
+    }
+
+    fn all(&self) -> Vec<PartKey> {
+        self.saved_tiles()
+    }
+
+    fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
+        self.save_tile(key, bytes);
     }
 }
 

@@ -1,10 +1,11 @@
-//! The whole state of a mapper as bytes, so that another process can go on from it.
+//! The state of a mapper as bytes, so that another process can go on from it: a head, and the committed tiles, of which few
+//! change from one time to the next.
 //!
-//! Layout, all numbers little-endian; counts are u64:
+//! Layout of the head, all numbers little-endian; counts are u64:
 //!
 //! | what | how |
 //! | --- | --- |
-//! | name and version | 8 bytes `SMMAP\0\0\2` |
+//! | name and version | 8 bytes `SMMAP\0\0\3` |
 //! | what it was made with | edge of a cell f64, limit of log-odds f32, unfiltered layer kept u32 |
 //! | last scan taken | seq u64, stamp u64 |
 //! | counts | scans, readings, withheld, undecided u64 |
@@ -12,9 +13,10 @@
 //! | pending scans | count, each: seq u64, stamp u64, decision, pose 3 × f64, after gap u32, readings u32, each: mount 3 × f64, range f64, sonar u32, echo u32 |
 //! | early verdicts | count, each: seq u64, decision |
 //! | a decision | kind u32 (0 none, 1 withhold, 2 free), then for 1 the readings u32, for 2 a count u64 of regions, each 3 × f64 |
-//! | layers | one or two, each: count of tiles, each: row i32, column i32, 1024 cells f32 |
+//!
+//! A tile is named by its layer (0 filtered, 1 unfiltered), row and column, and is 1024 cells f32.
 
-use grid::TileKey;
+use grid::{Lattice, TileKey};
 use messages::{FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, UpdateRegion};
 
 use crate::Parameters;
@@ -24,16 +26,14 @@ use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
 use crate::pending::{Decision, PendingScan};
 use crate::way::{MAX_LENGTH_M, MAX_PLACES, Way};
 
-const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x02";
-const TILE_BYTES: usize = 8 + 4 * grid::TILE_CELLS;
+const NAME_AND_VERSION: &[u8; 8] = b"SMMAP\0\0\x03";
 const ALL_READINGS: u32 = (1 << MAX_READINGS) - 1;
 
 impl Mapper {
-    /// The whole state. What is shown is not part of it: [`Self::refresh`] makes it anew.
+    /// The state without its tiles. What is shown is not part of it: [`Self::refresh`] makes it anew.
     #[must_use]
-    pub fn save(&self) -> Vec<u8> {
-        let tiles: usize = self.layers().map(|layer| layer.committed().tile_count()).sum();
-        let mut bytes = Vec::with_capacity(tiles * TILE_BYTES + 8 * self.way.places_m.len() + 1024 * (self.pending.len() + 1));
+    pub fn save_head(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(8 * self.way.places_m.len() + 1024 * (self.pending.len() + 1));
         bytes.put(NAME_AND_VERSION);
         bytes.put_f64(self.parameters.cell_m());
         bytes.put(&self.parameters.l_max.to_le_bytes());
@@ -50,19 +50,43 @@ impl Mapper {
             bytes.put_u64(*seq);
             put_decision(&mut bytes, Some(decision));
         }
-        self.layers().for_each(|layer| put_layer(&mut bytes, layer));
         bytes
     }
 
-    /// A mapper that goes on from what [`Self::save`] gave, with the parameters it had then.
+    /// Layer, row and column of each tile of the state.
+    #[must_use]
+    pub fn saved_tiles(&self) -> Vec<[i32; 3]> {
+        let of = |layer, tiles: &Lattice<f32>| tiles.tiles().map(|(key, _)| [layer, key.row, key.column]).collect::<Vec<_>>();
+        (0..).zip(self.layers()).flat_map(|(layer, it)| of(layer, it.committed())).collect()
+    }
+
+    /// Layer, row and column of each tile that has changed since this was last asked.
+    pub fn take_unsaved(&mut self) -> Vec<[i32; 3]> {
+        let layers = std::iter::once(&mut self.filtered).chain(&mut self.unfiltered);
+        (0..).zip(layers).flat_map(|(layer, it)| it.take_unsaved().into_iter().map(move |key| [layer, key.row, key.column])).collect()
+    }
+
+    /// Appends a tile of the state to `bytes`; nothing where there is none.
+    pub fn save_tile(&self, [layer, row, column]: [i32; 3], bytes: &mut Vec<u8>) {
+        let layer = usize::try_from(layer).ok().and_then(|layer| self.layers().nth(layer));
+        let cells = layer.and_then(|layer| layer.committed().tile(TileKey { row, column }));
+        cells.into_iter().flatten().for_each(|cell| bytes.put(&cell.to_le_bytes()));
+    }
+
+    /// A mapper that goes on from what [`Self::save_head`] gave, and [`Self::save_tile`] of each tile, with the parameters it had
+    /// then.
     ///
     /// # Errors
     /// Bytes that no mapper with these parameters saved, with the place of the first that is wrong.
-    pub fn restore(parameters: Parameters, bytes: &[u8]) -> Result<Self, StateError> {
-        let from = &mut Decoder::new(bytes);
+    pub fn restore<'a>(
+        parameters: Parameters,
+        head: &[u8],
+        tiles: impl IntoIterator<Item = ([i32; 3], &'a [u8])>,
+    ) -> Result<Self, StateError> {
+        let from = &mut Decoder::new(head);
         let mut mapper = Mapper::new(parameters);
         let name = from.bytes::<8>()?;
-        from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x02: the state of a map, version 2")?;
+        from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x03: the state of a map, version 3")?;
         let cell_m = from.f64()?;
         from.require(cell_m.to_bits() == mapper.parameters.cell_m().to_bits(), cell_m, "the edge of a cell that is set")?;
         let l_max = from.f32()?;
@@ -87,12 +111,27 @@ impl Mapper {
             let decision = decision.ok_or_else(|| from.error("a verdict that decides nothing".to_owned(), "a decision"))?;
             mapper.early.insert(seq, decision);
         }
-        take_layer(from, &mut mapper.filtered, l_max)?;
-        if let Some(unfiltered) = &mut mapper.unfiltered {
-            take_layer(from, unfiltered, l_max)?;
-        }
         from.end()?;
+        tiles.into_iter().try_for_each(|(key, bytes)| mapper.take_tile(key, bytes))?;
         Ok(mapper)
+    }
+
+    fn take_tile(&mut self, key: [i32; 3], bytes: &[u8]) -> Result<(), StateError> {
+        let from = &mut Decoder::new(bytes);
+        let cells = from.tile(self.parameters.l_max)?;
+        from.end()?;
+        let [layer, row, column] = key;
+        let place = TileKey { row, column };
+        let layer = match (layer, &mut self.unfiltered) {
+            (0, _) => Some(&mut self.filtered),
+            (1, Some(unfiltered)) => Some(unfiltered),
+            _ => None,
+        };
+        let Some(layer) = layer.filter(|_| place.first_cell().is_some()) else {
+            return Err(from.error(format!("tile {key:?}"), "a tile of a layer that is kept, within reach"));
+        };
+        layer.restore_tile(place, &cells);
+        Ok(())
     }
 
     fn layers(&self) -> impl Iterator<Item = &Layer> {
@@ -194,27 +233,4 @@ fn take_decision(from: &mut Decoder<'_>) -> Result<Option<Decision>, StateError>
         }
         kind => Err(from.error(kind.to_string(), "a kind of decision from 0 to 2")),
     }
-}
-
-fn put_layer(bytes: &mut Vec<u8>, layer: &Layer) {
-    bytes.put_u64(layer.committed().tile_count() as u64);
-    for (key, cells) in layer.committed().tiles() {
-        bytes.put(&key.row.to_le_bytes());
-        bytes.put(&key.column.to_le_bytes());
-        let mut encoded = [[0; 4]; grid::TILE_CELLS];
-        encoded.iter_mut().zip(cells).for_each(|(bytes, cell)| *bytes = cell.to_le_bytes());
-        bytes.put(encoded.as_flattened());
-    }
-}
-
-fn take_layer(from: &mut Decoder<'_>, layer: &mut Layer, l_max: f32) -> Result<(), StateError> {
-    let mut before = None;
-    for _ in 0..from.count(TILE_BYTES)? {
-        let key = TileKey { row: from.i32()?, column: from.i32()? };
-        let in_reach = key.first_cell().is_some();
-        from.require(in_reach && before.is_none_or(|before| before < key), format!("{key:?}"), "tiles in the order of their place")?;
-        before = Some(key);
-        layer.restore_tile(key, &from.tile(l_max)?);
-    }
-    Ok(())
 }

@@ -10,7 +10,7 @@ use messages::{
 };
 use proptest::prelude::*;
 use settings::{Mapping, Pace};
-use stillmap_mapping::{Input, Mapper, Parameters, Refused};
+use stillmap_mapping::{Input, Mapper, Parameters, Refused, StateError};
 
 const SECOND_NS: u64 = 1_000_000_000;
 
@@ -111,7 +111,7 @@ fn a_verdict_that_frees_clears_its_region_and_nothing_else() {
     assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
     assert_eq!(mapper.counts().withheld, 0);
     mapper.step(Input::Verdict { seq: 9, verdict: &freeing }).unwrap();
-    assert_eq!(Mapper::restore(both_layers(), &mapper.save()).unwrap().save(), mapper.save());
+    assert_eq!(save(&restore(both_layers(), &save(&mapper)).unwrap()), save(&mapper));
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn what_cannot_be_taken_is_refused_and_changes_nothing() {
     let mut mapper = lockstep_with_verdicts();
     mapper.step(Input::Scan { seq: 5, stamp_ns: 100, scan: &echo_ahead(1.0) }).unwrap();
     mapper.step(Input::Verdict { seq: 9, verdict: &verdict(0) }).unwrap();
-    let before = mapper.save();
+    let before = save(&mapper);
     let refused = |mapper: &mut Mapper, input: Input<'_>| mapper.step(input).unwrap_err();
     let scan = &echo_ahead(1.0);
     assert_eq!(refused(&mut mapper, Input::Scan { seq: 5, stamp_ns: 200, scan }), Refused::RepeatedScan { seq: 5, last: 5 });
@@ -165,7 +165,7 @@ fn what_cannot_be_taken_is_refused_and_changes_nothing() {
     assert_eq!(invalid.to_string(), "message 6: readings.range_m is NaN, expected 0 to 10 m");
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 4, verdict: &verdict(0) }), Refused::LateVerdict { seq: 4, decided: 4 });
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 9, verdict: &verdict(0) }), Refused::RepeatedVerdict { seq: 9 });
-    assert_eq!(mapper.save(), before);
+    assert_eq!(save(&mapper), before);
     let mut unexpecting = self::mapper(Pace::Lockstep, Mapping::default());
     assert_eq!(refused(&mut unexpecting, Input::Verdict { seq: 1, verdict: &verdict(0) }), Refused::UnexpectedVerdict { seq: 1 });
 }
@@ -262,7 +262,7 @@ proptest! {
         let finish = |order: Vec<(bool, usize)>| {
             let mut mapper = lockstep_with_verdicts();
             order.into_iter().for_each(|arrival| feed(&mut mapper, &drive, arrival));
-            (mapper.summary(), cells(shown(&mut mapper)), mapper.save())
+            (mapper.summary(), cells(shown(&mut mapper)), save(&mapper))
         };
         let in_turn = (0..drive.len()).flat_map(|i| [(false, i), (true, i)]).collect();
         prop_assert!(finish(arrivals(&drive, &keys)) == finish(in_turn));
@@ -276,7 +276,7 @@ proptest! {
             if looks & (1 << (count % 64)) != 0 {
                 let mut ended = mapper.clone();
                 ended.step(Input::End).unwrap();
-                let mut afresh = Mapper::restore(both_layers(), &ended.save()).unwrap();
+                let mut afresh = restore(both_layers(), &save(&ended)).unwrap();
                 prop_assert!(cells(shown(&mut mapper)) == cells(shown(&mut afresh)), "after {count} arrivals");
             }
         }
@@ -288,19 +288,59 @@ proptest! {
         let cut = cut.index(arrivals.len());
         let mut whole = lockstep_with_verdicts();
         arrivals[..cut].iter().for_each(|&arrival| feed(&mut whole, &drive, arrival));
-        let mut restored = Mapper::restore(both_layers(), &whole.save()).unwrap();
+        let mut restored = restore(both_layers(), &save(&whole)).unwrap();
         for mapper in [&mut whole, &mut restored] {
             arrivals[cut..].iter().for_each(|&arrival| feed(mapper, &drive, arrival));
             mapper.step(Input::End).unwrap();
         }
         prop_assert_eq!(whole.summary(), restored.summary());
-        prop_assert!(whole.save() == restored.save());
+        prop_assert!(save(&whole) == save(&restored));
         prop_assert!(cells(shown(&mut whole)) == cells(shown(&mut restored)));
+    }
+
+    #[test]
+    fn what_changed_from_time_to_time_is_all_there_is(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24), saves in any::<u64>()) {
+        let mut mapper = lockstep_with_verdicts();
+        let mut kept = save(&mapper);
+        for (count, arrival) in arrivals(&drive, &keys).into_iter().enumerate() {
+            feed(&mut mapper, &drive, arrival);
+            if count % 3 == 0 {
+                mapper.refresh();
+            }
+            if saves & (1 << (count % 64)) != 0 {
+                kept.0 = mapper.save_head();
+                let changed = mapper.take_unsaved();
+                save_tiles(&mapper, changed, &mut kept);
+                prop_assert!(kept == save(&mapper), "after {count} arrivals");
+                prop_assert_eq!(mapper.take_unsaved(), Vec::<[i32; 3]>::new());
+            }
+        }
     }
 }
 
+/// Head and tiles of a state.
+type State = (Vec<u8>, BTreeMap<[i32; 3], Vec<u8>>);
+
+fn save(mapper: &Mapper) -> State {
+    let mut state = (mapper.save_head(), BTreeMap::new());
+    save_tiles(mapper, mapper.saved_tiles(), &mut state);
+    state
+}
+
+fn save_tiles(mapper: &Mapper, keys: Vec<[i32; 3]>, state: &mut State) {
+    for key in keys {
+        let mut tile = Vec::new();
+        mapper.save_tile(key, &mut tile);
+        state.1.insert(key, tile);
+    }
+}
+
+fn restore(parameters: Parameters, state: &State) -> Result<Mapper, StateError> {
+    Mapper::restore(parameters, &state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
+}
+
 /// A state with something in every field.
-fn some_state() -> (Parameters, Vec<u8>) {
+fn some_state() -> (Parameters, State) {
     let parameters = both_layers();
     let mut mapper = Mapper::new(parameters.clone());
     for seq in 1..4 {
@@ -310,45 +350,65 @@ fn some_state() -> (Parameters, Vec<u8>) {
     mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
     mapper.step(Input::Verdict { seq: 3, verdict: &verdict(1) }).unwrap();
     mapper.step(Input::Verdict { seq: 9, verdict: &verdict(1) }).unwrap();
-    let bytes = mapper.save();
-    (parameters, bytes)
+    (parameters, save(&mapper))
 }
 
 #[test]
 fn a_state_that_is_cut_short_or_goes_on_is_refused() {
-    let (parameters, bytes) = some_state();
-    assert!(Mapper::restore(parameters.clone(), &bytes).is_ok());
-    for length in 0..bytes.len() {
-        let error = Mapper::restore(parameters.clone(), &bytes[..length]).unwrap_err();
+    let (parameters, state) = some_state();
+    assert!(restore(parameters.clone(), &state).is_ok());
+    let with_head = |head: &[u8]| restore(parameters.clone(), &(head.to_vec(), state.1.clone())).unwrap_err();
+    for length in 0..state.0.len() {
+        let error = with_head(&state.0[..length]);
         assert!(error.offset <= length, "{error}");
     }
-    let error = Mapper::restore(parameters, &[bytes.as_slice(), &[0]].concat()).unwrap_err();
-    assert_eq!(error.to_string(), format!("at byte {}: 1 more bytes, expected the end", bytes.len()));
+    let error = with_head(&[state.0.as_slice(), &[0]].concat());
+    assert_eq!(error.to_string(), format!("at byte {}: 1 more bytes, expected the end", state.0.len()));
+
+    let with_tile = |key: [i32; 3], tile: &[u8]| {
+        let tiles = state.1.iter().map(|(key, tile)| (*key, tile.as_slice())).chain([(key, tile)]);
+        Mapper::restore(parameters.clone(), &state.0, tiles).unwrap_err().to_string()
+    };
+    assert_eq!(with_tile([0, 0, 0], &[0; 9]), "at byte 8: the end, 1 bytes before, expected more bytes");
+    assert_eq!(with_tile([0, 0, 0], &[0; 4097]), "at byte 4096: 1 more bytes, expected the end");
+    for key in [[2, 0, 0], [-1, 0, 0], [1, i32::MAX, 0]] {
+        assert!(with_tile(key, &[0; 4096]).contains(&format!("tile {key:?}, expected a tile of a layer that is kept")), "{key:?}");
+    }
+    assert!(with_tile([1, 0, 0], &f32::NAN.to_le_bytes().repeat(1024)).contains("a cell of NaN"));
 }
 
 #[test]
 fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
-    let (parameters, bytes) = some_state();
-    for byte in 0..bytes.len() {
-        for bit in [0, 3, 7] {
-            let mut flipped = bytes.clone();
-            flipped[byte] ^= 1 << bit;
-            if let Ok(mut mapper) = Mapper::restore(parameters.clone(), &flipped) {
-                assert_eq!(mapper.save(), flipped);
-                assert!(mapper.summary().validate().is_ok(), "bit {bit} of byte {byte}");
-                if byte % 16 == 0 {
-                    mapper.refresh();
-                    mapper.step(Input::End).unwrap();
-                }
+    let (parameters, state) = some_state();
+    let check = |flipped: &State, thoroughly: bool| {
+        if let Ok(mut mapper) = restore(parameters.clone(), flipped) {
+            assert!(save(&mapper) == *flipped);
+            assert!(mapper.summary().validate().is_ok());
+            if thoroughly {
+                mapper.refresh();
+                mapper.step(Input::End).unwrap();
             }
+        }
+    };
+    for bit in [0, 3, 7] {
+        for byte in 0..state.0.len() {
+            let mut flipped = state.clone();
+            flipped.0[byte] ^= 1 << bit;
+            check(&flipped, byte % 16 == 0);
+        }
+        let (key, tile) = state.1.first_key_value().unwrap();
+        for byte in 0..tile.len() {
+            let mut flipped = state.clone();
+            flipped.1.get_mut(key).unwrap()[byte] ^= 1 << bit;
+            check(&flipped, byte % 16 == 0);
         }
     }
 }
 
 #[test]
 fn a_state_of_other_settings_is_refused() {
-    let (_, bytes) = some_state();
-    let error = |settings: Mapping| Mapper::restore(Parameters::new(&settings, Pace::Lockstep).unwrap(), &bytes).unwrap_err().to_string();
+    let (_, state) = some_state();
+    let error = |settings: Mapping| restore(Parameters::new(&settings, Pace::Lockstep).unwrap(), &state).unwrap_err().to_string();
     let coarser = Mapping { cell_m: settings::CellSize::try_from(0.1).unwrap(), ..Mapping::default() };
     assert_eq!(error(coarser), "at byte 16: 0.05, expected the edge of a cell that is set");
     assert_eq!(error(Mapping::default()), "at byte 24: 1, expected an unfiltered layer as it is set");

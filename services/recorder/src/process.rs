@@ -58,7 +58,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
     let tape = Tape::new(&preamble)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
-    let safe = checkpoint.take_up(|saved| Ok::<_, Infallible>(Answered::from_bytes(&saved.state))).unwrap_or_default();
+    let safe = checkpoint.take_up(|saved| Ok::<_, Infallible>(Answered::from_bytes(saved.state))).unwrap_or_default();
     let mut inputs = Inputs::open(&mut shell, settings.recorder.pictures)?;
     inputs.skip_to(safe.scan, safe.frame);
     let mut recorder = Recorder {
@@ -185,9 +185,7 @@ impl Recorder {
         if self.safe != self.last {
             self.safe = self.last;
             // Without it a restarted recorder is sent more than it lacks.
-            if let Err(error) = self.checkpoint.save(&self.safe.to_bytes()) {
-                tracing::debug!("{error}");
-            }
+            self.checkpoint.keep(&self.safe.to_bytes());
         }
         Ok(())
     }

@@ -26,7 +26,7 @@ pub(crate) struct Kept {
 impl Kept {
     /// Goes on from the checkpoint when there is one that can be used; otherwise the background is learnt anew.
     pub(crate) fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> Self {
-        match checkpoint.take_up(|saved| Self::restore(parameters.clone(), &saved.state)) {
+        match checkpoint.take_up(|saved| Self::restore(parameters.clone(), saved.state)) {
             Some(kept) => {
                 tracing::info!("goes on after frame {}", kept.place.seq);
                 kept

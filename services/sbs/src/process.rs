@@ -118,10 +118,14 @@ impl Process for Subtraction {
 
 impl Subtraction {
     fn new(shell: &mut Shell, settings: &settings::Settings) -> Result<Self, BusError> {
-        let checkpoint = shell.checkpoint();
+        // A start of the deployment is no moment to go on with the background of another: the robot stands, and it is learnt anew.
+        let checkpoint = shell.passing_checkpoint();
         let kept = Kept::take_up(&checkpoint, parameters(settings));
         let mut frames = shell.frame_reader()?;
         frames.skip_to(kept.place.seq, kept.place.stamp_ns);
+        if settings.pace == Pace::Live {
+            frames.join();
+        }
         let mut motions: Writer<CameraMotion> = shell.writer()?;
         kept.recent.say_again(&mut motions)?;
         Ok(Self {

@@ -33,7 +33,7 @@ pub enum StdError {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let parameters = Parameters::of_settings(settings);
     let checkpoint = shell.checkpoint();
-    let restored = checkpoint.take_up(|saved| restore(parameters, &saved.state));
+    let restored = checkpoint.take_up(|saved| restore(parameters, saved.state));
     let (std, place, recent) = match restored {
         Some(restored) => restored,
         None => (Std::new(parameters)?, Place::default(), Recent::default()),

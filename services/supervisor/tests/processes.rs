@@ -234,7 +234,7 @@ fn child(behaviour: &str) -> ExitCode {
         let checkpoint = shell.checkpoint();
         let kept = checkpoint.take_up(|saved| Ok::<_, String>(saved.state.clone()));
         assert_eq!(kept.is_some(), !first, "the checkpoints of the run outlive its bus");
-        checkpoint.save(b"kept").unwrap();
+        checkpoint.keep(b"kept");
     }
     let work = match behaviour {
         "counts" => Work::Counts { rounds: 20, every: Duration::from_millis(10) },
