@@ -31,6 +31,8 @@ use crate::writer::Writer;
 
 /// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
 const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+/// The names of iceoryx2's sockets, which begin with the folder of the domain, may have 107 bytes.
+const LONGEST_FOLDER: usize = 48;
 /// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
 const UNNOTED_S: f64 = 3.0;
 
@@ -64,6 +66,16 @@ pub enum DomainError {
         name: String,
         /// How long it was waited for them.
         waited: Duration,
+    },
+    /// The files of the bus would have longer names than the system takes.
+    #[error("the runtime folder {folder} is {found} bytes long, expected at most {most}: set STILLMAP_RUNTIME_DIR to a shorter one")]
+    LongFolder {
+        /// The folder of the domain.
+        folder: PathBuf,
+        /// Its length.
+        found: usize,
+        /// The longest that can be.
+        most: usize,
     },
     /// Too little shared memory.
     #[error("/dev/shm has {free} bytes free, expected at least {needed}")]
@@ -121,6 +133,7 @@ impl Domain {
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
         remove_abandoned(&runtime, name);
         let paths = DomainPaths::new(&runtime, name);
+        check_length(&paths.directory)?;
         check_free(FOR_A_DEPLOYMENT)?;
         let mut lock = take_lock(&paths)?;
         wait_until_deserted(&paths)?;
@@ -150,8 +163,14 @@ impl Domain {
             routed: routed.iter().map(|name| (*name).to_owned()).collect(),
             _lock: lock,
         };
-        domain.rebuild()?;
-        domain.note_time()?;
+        if let Err(error) = domain.rebuild() {
+            domain.release();
+            demolish(&domain.paths)?;
+            return Err(error);
+        }
+        if let Err(error) = domain.note_time() {
+            tracing::warn!("{error}: the next start may go on with a clock that is behind");
+        }
         Ok(domain)
     }
 
@@ -460,6 +479,14 @@ fn open_lock_file(path: &Path) -> io::Result<File> {
 fn is_current(file: &File, path: &Path) -> bool {
     let identity = |found: io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
     identity(file.metadata()) == identity(std::fs::metadata(path))
+}
+
+fn check_length(folder: &Path) -> Result<(), DomainError> {
+    let found = folder.as_os_str().len();
+    if found > LONGEST_FOLDER {
+        return Err(DomainError::LongFolder { folder: folder.to_owned(), found, most: LONGEST_FOLDER });
+    }
+    Ok(())
 }
 
 fn check_name(name: &str) -> Result<(), DomainError> {

@@ -37,6 +37,11 @@ pub(crate) fn make_private(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// The folder, in that of a domain, of checkpoints that go with the deployment.
+pub(crate) fn passing_state(directory: &Path) -> PathBuf {
+    directory.join("state")
+}
+
 /// The paths of one domain.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct DomainPaths {
@@ -75,8 +80,9 @@ impl DomainPaths {
     /// Makes what lies in shared memory the user's alone: iceoryx2 leaves one small file open to everybody.
     pub(crate) fn close_to_others(&self) -> io::Result<()> {
         let prefix = self.prefix();
+        let uid = rustix::process::getuid().as_raw();
         for entry in std::fs::read_dir("/dev/shm")?.flatten() {
-            let is_open = || entry.metadata().is_ok_and(|found| found.mode() & 0o077 != 0);
+            let is_open = || entry.metadata().is_ok_and(|found| found.uid() == uid && found.mode() & 0o077 != 0);
             if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) && is_open() {
                 ignore_missing(std::fs::set_permissions(entry.path(), std::fs::Permissions::from_mode(0o600)))?;
             }
@@ -93,8 +99,11 @@ impl DomainPaths {
     /// Removes what iceoryx2 has made, and keeps the checkpoints of the run. Only while nothing lives in the domain.
     pub(crate) fn wipe_bus(&self) -> io::Result<()> {
         let prefix = self.prefix();
+        let uid = rustix::process::getuid().as_raw();
         for entry in std::fs::read_dir("/dev/shm")?.flatten() {
-            if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            // What another user has put there under this prefix is no file of the domain, and cannot be removed.
+            let is_ours = || entry.metadata().is_ok_and(|found| found.uid() == uid);
+            if entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) && is_ours() {
                 ignore_missing(std::fs::remove_file(entry.path()))?;
             }
         }

@@ -18,7 +18,21 @@ pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> any
         settings.out.clone_from(out);
     }
     settings.out = std::path::absolute(&settings.out)?;
-    make_folder(&settings.out)
+    make_folder(&settings.out)?;
+    check_writable(&settings.out)
+}
+
+/// Refuses a folder that takes no file, before there is anything to lose. A full disk may have room again later.
+fn check_writable(folder: &Path) -> anyhow::Result<()> {
+    let probe = folder.join(format!(".{}.probe", std::process::id()));
+    let written = std::fs::File::create(&probe);
+    let _ = std::fs::remove_file(&probe);
+    match written {
+        Err(error) if error.kind() != std::io::ErrorKind::StorageFull => {
+            Err(BadInput(format!("{}: cannot write into this folder: {error}", folder.display())).into())
+        }
+        Ok(_) | Err(_) => Ok(()),
+    }
 }
 
 /// Makes a folder for outputs.

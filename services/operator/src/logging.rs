@@ -1,4 +1,7 @@
 //! Log lines: JSON for the supervisor in a process of a deployment, calm text for people everywhere else.
+//!
+//! Standard error may be a terminal that has gone or a file on a full disk: a line that cannot be written is lost, and nothing
+//! ends with it. Hence no complaints of lost lines, which would go the same way and panic.
 
 use crate::exit::BadInput;
 use indicatif::MultiProgress;
@@ -19,7 +22,7 @@ const DEFAULT: &str = "info,iceoryx2=error";
 
 /// Log lines as JSON on standard error, for the supervisor.
 pub(crate) fn to_the_supervisor() -> anyhow::Result<()> {
-    tracing_subscriber::fmt().json().with_env_filter(filter()?).with_writer(io::stderr).init();
+    tracing_subscriber::fmt().json().log_internal_errors(false).with_env_filter(filter()?).with_writer(io::stderr).init();
     Ok(())
 }
 
@@ -28,7 +31,8 @@ pub(crate) fn to_people(bars: MultiProgress) -> anyhow::Result<()> {
     // What processes say they have filtered themselves.
     let filter = filter()?.add_directive(format!("{}=trace", supervisor::CHILD_TARGET).parse()?);
     let format = People { started: Instant::now(), colours: io::stderr().is_terminal() };
-    tracing_subscriber::fmt().with_env_filter(filter).event_format(format).with_writer(AboveBars(bars)).init();
+    let lines = tracing_subscriber::fmt().log_internal_errors(false).with_env_filter(filter).event_format(format);
+    lines.with_writer(AboveBars(bars)).init();
     Ok(())
 }
 

@@ -16,6 +16,7 @@ mod child;
 mod deployment;
 mod events;
 mod guard;
+mod held;
 mod lifecycle;
 mod lines;
 mod notices;

@@ -4,6 +4,7 @@ use crate::child::Child;
 use crate::deployment::Deployment;
 use crate::events::{Action, Event};
 use crate::guard::Guard;
+use crate::held::hold;
 use crate::lifecycle::{Exit, State};
 use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
@@ -11,17 +12,18 @@ use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{DeploymentClock, Domain, Kept, Received, shared_memory_is_short};
+use bus::{DeploymentClock, Domain, DomainError, Kept, Received, shared_memory_is_short};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{Program, RoutedService, Settings};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
+use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -55,6 +57,8 @@ struct Supervisor<'a> {
     domain: Domain,
     /// Closed only while the domain is made anew.
     ports: Option<Ports>,
+    /// No other deployment writes there meanwhile.
+    _out: File,
     settings_path: PathBuf,
     clock: DeploymentClock,
     guard: Option<Guard>,
@@ -68,6 +72,29 @@ struct Supervisor<'a> {
     map: Option<MapSummary>,
 }
 
+/// What has to be there before the first process.
+struct Prepared {
+    settings_path: PathBuf,
+    clock: DeploymentClock,
+    ports: Ports,
+    out: File,
+}
+
+impl Prepared {
+    fn new(domain: &mut Domain, settings: &Settings, text: &str) -> Result<Self, RunError> {
+        let out = hold(&settings.out)?;
+        let settings_path = domain.directory().join("settings.toml");
+        write_settings(&settings_path, text)?;
+        let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
+        Ok(Self { ports: Ports::open(domain, clock)?, settings_path, clock, out })
+    }
+}
+
+/// What the domain's folder holds for the processes; written again when the domain is made anew.
+fn write_settings(path: &Path, text: &str) -> Result<(), RunError> {
+    std::fs::write(path, text).map_err(|source| RunError::System { what: "the settings of the run", source })
+}
+
 impl<'a> Supervisor<'a> {
     fn start(settings: &'a Settings, options: &'a Options) -> Result<Self, RunError> {
         let text = settings.to_toml()?;
@@ -76,12 +103,17 @@ impl<'a> Supervisor<'a> {
         let made_with = what_the_map_depends_on(settings)?;
         let kept = options.state.as_deref().map(|folder| Kept { folder, made_with: &made_with, fresh: options.fresh });
         let mut domain = Domain::open_with(settings.name.as_str(), options.speed, &routed, kept)?;
+        let prepared = Prepared::new(&mut domain, settings, &text);
+        let Prepared { settings_path, clock, ports, out } = match prepared {
+            Ok(prepared) => prepared,
+            Err(error) => {
+                domain.close()?;
+                return Err(error);
+            }
+        };
         if domain.goes_on() {
             tracing::info!("the last run goes on, with the map as it was; --fresh begins a new one");
         }
-        let settings_path = domain.directory().join("settings.toml");
-        let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
-        let ports = Some(Ports::open(&mut domain, clock)?);
         let count = settings.process.len();
         let mut supervisor = Self {
             settings,
@@ -94,7 +126,8 @@ impl<'a> Supervisor<'a> {
             guard_checked: Duration::ZERO,
             deployment: Deployment::new(policy(&settings.supervisor), plans(settings), domain.run()),
             domain,
-            ports,
+            ports: Some(ports),
+            _out: out,
             children: std::iter::repeat_with(|| None).take(count).collect(),
             vitals: vec![Vitals::default(); count],
             units: MachineUnits { ticks_per_s: rustix::param::clock_ticks_per_second(), page_bytes: rustix::param::page_size() as u64 },
@@ -102,14 +135,8 @@ impl<'a> Supervisor<'a> {
             statuses: 0,
             map: None,
         };
-        supervisor.prepare_domain(&text)?;
         supervisor.watch_the_guard();
         Ok(supervisor)
-    }
-
-    /// What the domain's folder holds for the processes; made again when the domain is.
-    fn prepare_domain(&self, text: &str) -> Result<(), RunError> {
-        std::fs::write(&self.settings_path, text).map_err(|source| RunError::System { what: "the settings of the run", source })
     }
 
     fn now(&self) -> Duration {
@@ -142,7 +169,14 @@ impl<'a> Supervisor<'a> {
         self.children.clear();
         let outcome = Outcome::of(&self.deployment, self.map);
         drop(self.ports);
-        let closed = self.domain.close();
+        let closed = match self.domain.close() {
+            // What has been done is done; the next start removes what is left.
+            Err(error @ DomainError::StillInhabited { .. }) => {
+                tracing::warn!("{error}: a command that looks on and was stopped? What is left goes with the next start");
+                Ok(())
+            }
+            closed => closed,
+        };
         if let Some(guard) = self.guard {
             guard.dismiss();
         }
@@ -190,7 +224,7 @@ impl<'a> Supervisor<'a> {
         self.ports = None;
         self.domain.rebuild()?;
         self.ports = Some(Ports::open(&mut self.domain, self.clock)?);
-        self.prepare_domain(&text)
+        write_settings(&self.settings_path, &text)
     }
 
     fn spawn(&self, process: usize, incarnation: u32) -> io::Result<Child> {

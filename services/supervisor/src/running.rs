@@ -37,6 +37,12 @@ pub enum RunError {
     /// The domain is taken or cannot be made.
     #[error("{0}")]
     Domain(#[from] DomainError),
+    /// Another deployment holds the folder for outputs.
+    #[error("{out}: another deployment writes its log and its map there")]
+    OutputTaken {
+        /// The folder.
+        out: PathBuf,
+    },
     /// The supervisor's own use of the bus failed.
     #[error("{0}")]
     Bus(#[from] BusError),
