@@ -12,6 +12,7 @@ use std::process::{Command, Output, Stdio};
 
 use harness::replays::{DRIVE, Watched, replay_settings, sha256_of};
 use harness::{Bench, text};
+use serde_json::Value;
 
 /// Whether mounts can be made; says so when not.
 fn can_mount() -> bool {
@@ -135,6 +136,71 @@ fn a_disk_that_takes_no_checkpoint_ends_nobody() {
     let ended = run.end();
     assert_eq!(&sha256_of(&ended), undisturbed, "{}", ended.2);
     assert!(!ended.1.contains("restarted"), "{}", ended.1);
+}
+
+/// A robot with a line of its own: the simulator's, in another deployment.
+fn robot(bench: &Bench) -> (Watched, PathBuf) {
+    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+    // A deployment needs somebody who could have scans to say.
+    let settings = format!(
+        "name = \"world\"\nout = \"world-out\"\n[[process]]\nname = \"simulator\"\nrun = \"simulator\"\n\
+         [[process]]\nname = \"nobody\"\ncommand = [\"sleep\", \"600\"]\n\
+         [supervisor]\nstartup_deadline_s = 600\n[simulator]\nworld = {world:?}\n"
+    );
+    let settings = bench.write("world.toml", &settings);
+    let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap(), "--speed", "4"]));
+    drop(run.wait_for_line("simulator  is up"));
+    let processes = ["recorder", "mapping", "pioneer"].map(|kind| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n")).concat();
+    let port = bench.runtime().join("world/robot");
+    let settings = format!("name = \"robot\"\nout = \"robot-out\"\n{processes}[pioneer]\nport = {port:?}\n");
+    (run, bench.write("robot.toml", &settings))
+}
+
+/// What `stillmap status` tells of a process of the robot's deployment, which sees other file systems than the test.
+fn told(bench: &Bench, run: &Watched, process: &str) -> Value {
+    let all: Value = serde_json::from_slice(&beside(bench, run, &["status", "--deployment", "robot", "--json"]).stdout).unwrap_or_default();
+    let processes = all[0]["processes"].as_array().cloned().unwrap_or_default();
+    processes.into_iter().find(|it| it["process"] == process).unwrap_or_default()
+}
+
+#[test]
+fn a_driver_that_dies_while_the_disk_is_full_goes_on_with_its_numbers() {
+    if !can_mount() {
+        return;
+    }
+    let bench = Bench::new();
+    let (world, settings) = robot(&bench);
+    let out = bench.path("robot-out");
+    fs::create_dir(&out).unwrap();
+    let mut run = on_a_small_disk(&bench, &out, "4m", &["run", settings.to_str().unwrap(), "--speed", "4"]);
+    drop(run.wait_for_line("pioneer    is up"));
+    let ballast = fill(&within(&run, &out));
+    drop(run.wait_for_line("the disk is full"));
+    // What the recorder has given back is taken, too.
+    let more = within(&run, &out).join("more");
+    fs::create_dir(&more).unwrap();
+    let more = fill(&more);
+    let has_no_room = |pioneer: &Value| pioneer["note"].as_str().is_some_and(|note| note.contains("its state cannot be kept: No space"));
+    while !has_no_room(&told(&bench, &run, "pioneer")) {}
+    let received = || told(&bench, &run, "mapping")["received"].as_u64();
+    // More than come while a driver that begins anew is not yet heard.
+    let before = received();
+    while received() < before.map(|count| count + 40) {}
+    let at = received();
+    let pioneer = told(&bench, &run, "pioneer");
+    assert!(has_no_room(&pioneer), "{pioneer}");
+    harness::kill(pioneer["pid"].as_u64().unwrap());
+    drop(run.wait_for_line("pioneer    is up again"));
+    while told(&bench, &run, "mapping")["received"].as_u64() < at.map(|count| count + 10) {
+        let mapping = told(&bench, &run, "mapping");
+        assert_eq!(mapping["refused"], 0, "{mapping}");
+    }
+    [ballast, more].iter().for_each(|file| fs::remove_file(file).unwrap());
+    harness::signal(run.pid().into(), rustix::process::Signal::TERM);
+    drop(world);
+    let (_, stdout, stderr) = run.end();
+    assert!(stdout.contains("restarted  pioneer once"), "{stdout}{stderr}");
+    assert!(!stderr.contains("has begun anew") && stderr.contains("took up the running session"), "{stderr}");
 }
 
 #[test]
