@@ -5,7 +5,7 @@
 //! | phase | what happens |
 //! | --- | --- |
 //! | running | processes start one after the other, each when the one before has given a sign of life; what dies or hangs starts again |
-//! | draining | the sources are asked to stop; everything else ends by itself once its inputs have ended, and still starts again when it dies |
+//! | draining | the sources are asked to stop; everything else ends by itself once its inputs have ended; what dies still starts again, a source to say the end of its streams |
 //! | stopping | what is left is asked to stop, the last started first, one at a time; what does not is killed |
 //! | over | nothing runs |
 //!
@@ -112,12 +112,20 @@ impl Deployment {
             State::Running { .. } => false,
             _ => return,
         };
-        it.state = State::Running { heard: now };
+        let is_late = it.plan.role == Role::Source && matches!(self.phase, Phase::Draining { .. });
+        it.state = if is_late {
+            State::Stopping { deadline: now + self.policy.stop_deadline, killed: false }
+        } else {
+            State::Running { heard: now }
+        };
         it.cause.clear();
         let moved = first || it.work != work;
         it.work = work;
         if first {
             actions.push(Action::Tell(Notice::Up { process }));
+        }
+        if is_late {
+            actions.push(Action::Terminate(process));
         }
         if moved {
             self.disturb(now);
@@ -149,6 +157,8 @@ impl Deployment {
             _ if matches!(self.phase, Phase::Rebuilding { .. }) => self.set(process, State::Waiting),
             (Exit::Signal(15), Some(false)) => self.finish(process, actions),
             (_, Some(true)) => self.fail(process, "had to be killed when the run ended".to_owned(), actions),
+            // It may not have come to say the end of its streams, which everybody waits for.
+            (Exit::Signal(_), Some(false)) if matches!(self.phase, Phase::Draining { .. }) => self.back_off(process, cause, now, actions),
             (_, Some(false)) => self.fail(process, cause, actions),
             (Exit::BrokenDomain, None) if self.phase == Phase::Running => self.begin_rebuild(process, now, actions),
             (_, None) => self.back_off(process, cause, now, actions),
@@ -176,8 +186,7 @@ impl Deployment {
 
     fn back_off(&mut self, process: usize, cause: String, now: Duration, actions: &mut Vec<Action>) {
         let Some(it) = self.processes.get_mut(process) else { return };
-        let source_of_an_ending_run = it.plan.role == Role::Source && self.phase != Phase::Running;
-        if self.phase == Phase::Stopping || source_of_an_ending_run {
+        if self.phase == Phase::Stopping {
             return self.fail(process, cause, actions);
         }
         match it.restarts.grant(&self.policy, now) {
@@ -269,7 +278,8 @@ impl Deployment {
             let source = it.plan.role == Role::Source;
             match it.state {
                 State::Waiting => it.state = State::Finished,
-                State::Backoff { .. } if source => it.state = State::Failed,
+                // One that starts again has something to end, and cannot yet be told.
+                State::Starting { .. } if source && it.restarted() > 0 => {}
                 State::Starting { .. } | State::Running { .. } if source => {
                     it.state = State::Stopping { deadline, killed: false };
                     actions.push(Action::Terminate(process));

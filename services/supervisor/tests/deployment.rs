@@ -170,6 +170,33 @@ fn a_consumer_that_dies_while_the_run_ends_comes_back() {
 }
 
 #[test]
+fn a_source_that_dies_while_the_run_ends_comes_back_to_say_the_end() {
+    let (death, end) = (|| exited(2, Exit::Signal(9)), || exited(3, Exit::Finished));
+    let when_asked = [(end(), 100), (death(), 105), (Event::Tick, 150)];
+    let a_moment_before = [(death(), 95), (end(), 100), (Event::Tick, 150)];
+    let while_it_comes_back = [(death(), 50), (Event::Tick, 99), (end(), 100)];
+    for events in [when_asked, a_moment_before, while_it_comes_back] {
+        let mut it = running_demo();
+        let actions: Vec<Action> = events.into_iter().flat_map(|(event, at)| it.step(event, ms(at))).collect();
+        let others = commands(&actions).into_iter().filter(|action| *action != Action::Terminate(2));
+        assert!(others.eq([Action::Spawn { process: 2, incarnation: 1 }]), "{actions:?}");
+        assert_eq!(commands(&it.step(heartbeat(2, 0), ms(160))), [Action::Terminate(2)], "as soon as it can be asked");
+        for process in [2, 1, 0] {
+            it.step(exited(process, Exit::Finished), ms(170));
+        }
+        assert!(it.is_over() && it.processes().iter().all(|it| it.state() == &State::Finished), "{it:?}");
+    }
+}
+
+#[test]
+fn a_source_that_says_no_end_by_itself_has_failed() {
+    let mut it = running_demo();
+    it.step(exited(3, Exit::Finished), ms(100));
+    it.step(exited(2, Exit::Code(1)), ms(110));
+    assert_eq!(it.processes()[2].state(), &State::Failed);
+}
+
+#[test]
 fn consumers_that_work_on_are_waited_for_and_idle_ones_are_stopped_in_reverse_order() {
     let mut it = running_demo();
     it.step(exited(3, Exit::Finished), ms(100));
