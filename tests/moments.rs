@@ -8,18 +8,15 @@ mod harness;
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
-use std::time::{Duration, Instant};
 
 use drivelog::{Entry, Log};
 use harness::cork::Cork;
-use harness::replays::{Watched, children, sha256_of, try_kill};
+use harness::replays::{Watched, children, pid_of, sha256_of, try_kill, wait_until};
 use harness::{Bench, recorded, signal};
 use messages::{CameraFrame, CameraMotion, FilterVerdict, SonarMotion, SonarScan};
 use rustix::process::Signal;
 
 const WORLD: &str = include_str!("../config/worlds/corridor.toml");
-/// A test that waits for longer than this for a moment to come has missed it.
-const MISSED: Duration = Duration::from_secs(120);
 
 /// What is the same in the recorded drive and in its replays.
 const ROBOT: &str = "[robot]\nmodel = \"pioneer-1\"\nrange_limit_m = 3.0\nodometry_modulus = 32768\n";
@@ -213,21 +210,6 @@ fn kill_at_the_end(bench: &Bench, run: &mut Watched, process: &str) -> bool {
             killed
         }
     }
-}
-
-#[track_caller]
-fn wait_until(what: &str, wanted: impl Fn() -> bool) {
-    let since = Instant::now();
-    while !wanted() {
-        assert!(since.elapsed() < MISSED, "never: {what}");
-        std::thread::yield_now();
-    }
-}
-
-fn pid_of(run: &Watched, process: &str) -> u64 {
-    let find = || children(run.pid()).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid);
-    wait_until(&format!("{process} is there"), || find().is_some());
-    find().unwrap()
 }
 
 #[test]

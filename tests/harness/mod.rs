@@ -135,8 +135,12 @@ impl Bench {
     pub(crate) fn remember_domain(&self) {
         let output = self.output(["status", "--json"]);
         let all: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let folder = all[0]["folder"].as_str().expect("a deployment runs").to_owned();
-        std::fs::write(self.path("domains-seen"), folder).unwrap();
+        self.remember(Path::new(all[0]["folder"].as_str().expect("a deployment runs")));
+    }
+
+    /// Remembers the folder of a deployment.
+    pub(crate) fn remember(&self, folder: &Path) {
+        std::fs::write(self.path("domains-seen"), folder.to_str().unwrap()).unwrap();
     }
 }
 

@@ -8,13 +8,18 @@ use std::sync::LazyLock;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use super::{Bench, map_sha256};
+use rustix::process::Signal;
+
+use super::cork::Cork;
+use super::{Bench, kill, map_sha256, signal};
 
 const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor.toml");
 /// The processes of [`replay_settings`].
 pub(crate) const PROCESSES: [&str; 5] = ["mapping", "std", "fti", "recorder", "playback"];
 /// A run that says nothing and does not end for so long hangs; nothing is measured by it.
 const SILENCE: Duration = Duration::from_secs(60);
+/// A test that waits for longer than this for a moment to come has missed it.
+const MISSED: Duration = Duration::from_secs(120);
 
 /// One recorded drive for all tests of a file, and the map of its undisturbed replay.
 pub(crate) static DRIVE: LazyLock<(Bench, PathBuf, String)> = LazyLock::new(|| {
@@ -151,6 +156,46 @@ pub(crate) fn children(supervisor: u32) -> Vec<(String, u64)> {
         (words.get(1) == Some(&b"process".as_slice())).then(|| super::text(words[2]))
     };
     listed.split_ascii_whitespace().filter_map(|pid| Some((kind(pid)?, pid.parse().ok()?))).collect()
+}
+
+#[track_caller]
+pub(crate) fn wait_until(what: &str, wanted: impl Fn() -> bool) {
+    let since = Instant::now();
+    while !wanted() {
+        assert!(since.elapsed() < MISSED, "never: {what}");
+        std::thread::yield_now();
+    }
+}
+
+/// The process of this kind, as soon as it is there.
+#[track_caller]
+pub(crate) fn pid_of(run: &Watched, process: &str) -> u64 {
+    let find = || children(run.pid()).into_iter().find(|(name, _)| name == process).map(|(_, pid)| pid);
+    wait_until(&format!("{process} is there"), || find().is_some());
+    find().unwrap()
+}
+
+/// Kills a process that writes a checkpoint for each message, of which `fresh` is the file, in the middle of writing one: those before
+/// it are there, and of this one nothing.
+#[track_caller]
+pub(crate) fn kill_in_the_middle_of_one_of_its_checkpoints(run: &Watched, process: &str, fresh: &Path) {
+    let pid = pid_of(run, process);
+    let stopped = || std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap().contains(") T ");
+    let cork = loop {
+        signal(pid, Signal::STOP);
+        wait_until("it stands still", stopped);
+        if !fresh.exists() {
+            break Cork::put(fresh, true);
+        }
+        signal(pid, Signal::CONT);
+    };
+    signal(pid, Signal::CONT);
+    wait_until("a checkpoint is begun", || cork.holds(pid));
+    // It must not start again before its file is as the kill left it.
+    signal(run.pid().into(), Signal::STOP);
+    kill(pid);
+    cork.leave_what_was_written();
+    signal(run.pid().into(), Signal::CONT);
 }
 
 /// Kills a process that may just have ended by itself; whether it was there.
