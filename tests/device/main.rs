@@ -3,6 +3,7 @@
 
 mod adapter;
 mod camera_faults;
+mod camera_kills;
 mod deployment;
 mod first_look;
 #[path = "../harness/mod.rs"]
