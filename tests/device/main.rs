@@ -10,6 +10,7 @@ mod first_look;
 mod harness;
 mod serial;
 mod vivid;
+mod wall_clock;
 
 /// For every deployment here: an emulated machine on a busy host takes its time, and is not to be thought dead.
 const PATIENT: &str = "[supervisor]\nstartup_deadline_s = 60\nheartbeat_timeout_s = 60\nstop_deadline_s = 60\n";
