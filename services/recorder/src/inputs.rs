@@ -71,7 +71,7 @@ impl Inputs {
     /// Takes what waits, up to a share for each input; `look` sees the statuses, which come first: what a process sent before it
     /// was over waits already when the status says that it is.
     pub(crate) fn take(&mut self, tape: &mut Tape, look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
-        let before = (self.scans.taken, self.frames.as_ref().map_or(0, |frames| frames.taken));
+        let before = (self.scans.place.taken, self.frames.as_ref().map_or(0, |frames| frames.place.taken));
         let more = self.statuses.drain(tape, Recording::report, look)?
             | self.scans.drain(tape, Recording::scan, |_| ())?
             | self.frames.as_mut().map_or(Ok(false), |frames| frames.drain(tape))?
@@ -88,8 +88,8 @@ impl Inputs {
             | self.heartbeats.drain(tape, Recording::report, |_| ())?
             | self.progress.drain(tape, Recording::report, |_| ())?
             | self.lines.drain(tape, Recording::report, |_| ())?;
-        let frames = self.frames.as_ref().map_or(0, |frames| frames.taken);
-        Ok(Taken { more, scans: self.scans.taken - before.0, frames: frames - before.1 })
+        let frames = self.frames.as_ref().map_or(0, |frames| frames.place.taken);
+        Ok(Taken { more, scans: self.scans.place.taken - before.0, frames: frames - before.1 })
     }
 
     /// Leaves out scans and frames up to these: they are in the log already.
@@ -102,25 +102,46 @@ impl Inputs {
 
     /// The last scan taken.
     pub(crate) fn last_scan(&self) -> u64 {
-        self.scans.last_seq
+        self.scans.place.last_seq
     }
 
     /// The last camera frame taken; `None` when they are not recorded.
     pub(crate) fn last_frame(&self) -> Option<u64> {
-        self.frames.as_ref().map(|frames| frames.last_seq)
+        self.frames.as_ref().map(|frames| frames.place.last_seq)
+    }
+}
+
+/// How far an input has been taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Place {
+    /// Messages.
+    taken: u64,
+    /// The last one that was taken, or that does not come.
+    last_seq: u64,
+    /// Stamp of the last one that was taken.
+    last_stamp_ns: u64,
+}
+
+impl Place {
+    fn message(&mut self, seq: u64, stamp_ns: u64) {
+        (self.last_seq, self.last_stamp_ns) = (seq, stamp_ns);
+        self.taken += 1;
+    }
+
+    /// What was lost or refused before the end does not come any more.
+    fn end(&mut self, seq: u64) {
+        self.last_seq = self.last_seq.max(seq);
     }
 }
 
 struct Input<T: Payload> {
     reader: Reader<T>,
-    taken: u64,
-    last_seq: u64,
-    last_stamp_ns: u64,
+    place: Place,
 }
 
 impl<T: Logged> Input<T> {
     fn open(shell: &mut Shell) -> Result<Self, BusError> {
-        Ok(Self { reader: shell.reader()?, taken: 0, last_seq: 0, last_stamp_ns: 0 })
+        Ok(Self { reader: shell.reader()?, place: Place::default() })
     }
 
     /// Takes what waits, up to a share; true when there may be more.
@@ -134,15 +155,13 @@ impl<T: Logged> Input<T> {
             match self.reader.take()? {
                 None => return Ok(false),
                 Some(Received::Message(message)) => {
-                    (self.last_seq, self.last_stamp_ns) = (message.seq(), message.stamp_ns());
-                    self.taken += 1;
+                    self.place.message(message.seq(), message.stamp_ns());
                     look(&message);
                     tape.record(|recording| put(recording, message.seq(), message.stamp_ns(), &message))?;
                 }
                 Some(Received::End { seq }) => {
-                    // What was lost before the end does not come any more.
-                    self.last_seq = self.last_seq.max(seq);
-                    tape.record(|recording| recording.end::<T>(seq, self.last_stamp_ns))?;
+                    self.place.end(seq);
+                    tape.record(|recording| recording.end::<T>(seq, self.place.last_stamp_ns))?;
                 }
             }
         }
@@ -152,14 +171,12 @@ impl<T: Logged> Input<T> {
 
 struct PictureInput<P: Pictures> {
     reader: FrameReader<P>,
-    taken: u64,
-    last_seq: u64,
-    last_stamp_ns: u64,
+    place: Place,
 }
 
 impl<P: Pictures> PictureInput<P> {
     fn open(shell: &mut Shell) -> Result<Self, BusError> {
-        Ok(Self { reader: shell.frame_reader()?, taken: 0, last_seq: 0, last_stamp_ns: 0 })
+        Ok(Self { reader: shell.frame_reader()?, place: Place::default() })
     }
 
     /// Takes what waits, up to a share; true when there may be more.
@@ -168,14 +185,48 @@ impl<P: Pictures> PictureInput<P> {
             match self.reader.take()? {
                 None => return Ok(false),
                 Some(Received::Message(frame)) => {
-                    (self.last_seq, self.last_stamp_ns) = (frame.seq(), frame.stamp_ns());
-                    self.taken += 1;
+                    self.place.message(frame.seq(), frame.stamp_ns());
                     let (layout, bytes) = (frame.layout(), frame.bytes());
                     tape.record(|recording| recording.picture::<P>(frame.seq(), frame.stamp_ns(), &layout, bytes))?;
                 }
-                Some(Received::End { seq }) => tape.record(|recording| recording.end_of_pictures::<P>(seq, self.last_stamp_ns))?,
+                Some(Received::End { seq }) => {
+                    self.place.end(seq);
+                    tape.record(|recording| recording.end_of_pictures::<P>(seq, self.place.last_stamp_ns))?;
+                }
             }
         }
         Ok(true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bus::{Domain, FrameWriter, Writer};
+    use drivelog::Preamble;
+    use messages::{FrameLayout, PixelFormat, Pose};
+
+    #[test]
+    fn a_last_message_that_is_refused_is_answered_for_by_the_end() {
+        let domain = Domain::open(&format!("test-recorder-{}", std::process::id()), 1.0).unwrap();
+        let mut shell = Shell::join(domain.membership_for("recorder", 0, "settings.toml".as_ref())).unwrap();
+        let mut inputs = Inputs::open(&mut shell, true).unwrap();
+        let mut scans: Writer<SonarScan> = shell.writer().unwrap();
+        let mut frames: FrameWriter<CameraFrame> = shell.frame_writer().unwrap();
+        let scan = SonarScan::new(Pose::default(), &[], false);
+        let layout = FrameLayout::packed(20, 16, PixelFormat::Grey);
+        // The third lies before the second in time.
+        for (seq, stamp_ns) in [(1, 100), (2, 200), (3, 150)] {
+            scans.send(seq, stamp_ns, &scan).unwrap();
+            frames.send(seq, stamp_ns, layout, &[0; 320]).unwrap();
+        }
+        scans.end(3, 200).unwrap();
+        frames.end(3, 200).unwrap();
+        let preamble = Preamble { run: 1, robot: "pioneer-1".into(), sonars: Vec::new(), origin: "a test".into(), settings: String::new() };
+        let taken = inputs.take(&mut Tape::new(&preamble).unwrap(), |_| ()).unwrap();
+        assert_eq!(taken, Taken { more: false, scans: 2, frames: 2 });
+        assert_eq!((inputs.last_scan(), inputs.last_frame()), (3, Some(3)));
+        drop((inputs, scans, frames, shell));
+        domain.close().unwrap();
     }
 }
