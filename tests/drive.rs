@@ -3,7 +3,9 @@
 
 mod harness;
 
-use harness::{Bench, FREE, OCCUPIED, PgmMap, Run, map_sha256, text};
+use harness::replays::{DRIVE, Watched, replay_settings, sha256_of};
+use harness::{Bench, FREE, OCCUPIED, PgmMap, Run, map_sha256, recorded, text};
+use messages::{SonarScan, Walkers};
 
 const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
 
@@ -40,6 +42,20 @@ fn a_drive_ends_with_the_corridor_and_its_log_with_the_same_map() {
         assert_eq!(std::fs::read(out.join("map.pgm")).unwrap(), std::fs::read(bench.path(again).join("map.pgm")).unwrap());
     }
     assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
+}
+
+#[test]
+fn a_replay_whose_verdicts_are_given_at_once_ends_and_tells_of_walkers_at_each_scan() {
+    let (_, log, map) = &*DRIVE;
+    let bench = Bench::new();
+    let settings = replay_settings("replay", log, "").replace("[mapping]\n", "[mapping]\nhorizon_s = 0.0\n");
+    let settings = bench.write("replay.toml", &settings);
+    let ended = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end();
+    assert_ne!(&sha256_of(&ended), map, "who walks is known less well without what comes later");
+    let again = bench.path("replay-out").join("drive.mcap");
+    let numbers = |all: Vec<(u64, Walkers)>| all.into_iter().map(|(seq, _)| seq).collect::<Vec<_>>();
+    let scans: Vec<u64> = recorded::<SonarScan>(log).into_iter().map(|(seq, _)| seq).collect();
+    assert_eq!(numbers(recorded(&again)), scans);
 }
 
 #[test]

@@ -187,10 +187,11 @@ impl Fti {
         message
     }
 
-    /// The last scan that was integrated: its number and time; the verdict on it comes a horizon later.
+    /// The last scan that was integrated: its number and time; the verdict on it comes a horizon later, at once when there is no
+    /// horizon.
     #[must_use]
     pub fn last_scan(&self) -> Option<(u64, u64)> {
-        self.pending.back().map(|scan| (scan.seq, scan.stamp_ns))
+        self.pending.back().or(self.recent.back()).map(|scan| (scan.seq, scan.stamp_ns))
     }
 
     /// The verdicts to come as they stand now, on the newest pending scans.

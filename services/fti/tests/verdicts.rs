@@ -137,6 +137,22 @@ fn live_a_dead_camera_is_waited_for_no_longer_than_the_patience() {
 }
 
 #[test]
+fn the_last_scan_is_told_whether_its_verdict_is_to_come_or_given() {
+    for horizon_s in [0.0, 0.35, 3.0] {
+        let parameters = Parameters { camera: None, horizon_s, ..Parameters::default() };
+        let mut fti = Fti::new(parameters.clone()).unwrap();
+        assert_eq!(fti.last_scan(), None);
+        for seq in 1..=SCANS {
+            drop(feed(&mut fti, seq..=seq, false));
+            assert_eq!(fti.last_scan(), Some((seq, seq * 100_000_000)), "a horizon of {horizon_s} s");
+        }
+        drop(finish(&mut fti));
+        let restored = Fti::from_bytes(parameters, &fti.to_bytes()).unwrap();
+        assert_eq!((fti.last_scan(), restored.last_scan()), (Some((SCANS, SCANS * 100_000_000)), fti.last_scan()));
+    }
+}
+
+#[test]
 fn the_order_of_arrival_decides_nothing() {
     let mut fti = Fti::new(Parameters::default()).unwrap();
     let mut in_order = feed(&mut fti, 1..=SCANS, true);
