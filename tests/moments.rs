@@ -9,7 +9,7 @@ mod harness;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use drivelog::{Entry, Log};
+use drivelog::{Entry, Log, Recording};
 use harness::cork::Cork;
 use harness::replays::{Watched, children, pid_of, sha256_of, try_kill, wait_until};
 use harness::{Bench, recorded, signal};
@@ -252,24 +252,36 @@ fn viewer_killed_at_any_moment() {
     leaves_the_map_as_it_is("viewer");
 }
 
+const WITHOUT_AN_INJECTOR: [&str; 6] = ["recorder", "mapping", "fti", "std", "sbs", "playback"];
+
+/// As [`killed_one_after_the_other`] in a replay of the drive.
+#[track_caller]
+fn one_killed_after_the_other(first: &str, second: &str, halted: &str) {
+    let (_, log, undisturbed) = &*DRIVE;
+    killed_one_after_the_other(log, undisturbed, first, second, halted);
+}
+
 /// While `halted` stands still the others come to the end of the log. Then `first` is killed, and `second` once the first is back:
 /// it needs what the first has said before, which nobody computes again.
 #[track_caller]
-fn one_killed_after_the_other(first: &str, second: &str, halted: &str) {
+fn killed_one_after_the_other(log: &Path, undisturbed: &Outcome, first: &str, second: &str, halted: &str) {
     const WINDOW: u64 = 256;
-    let (_, log, undisturbed) = &*DRIVE;
     let scans = undisturbed.scans as u64;
     assert!(scans <= WINDOW, "{scans} scans");
     let bench = Bench::new();
     // An injector would keep what it carries beyond the death of who said it.
-    let mut run = replay_with(&bench, log, &["recorder", "mapping", "fti", "std", "sbs", "playback"], WINDOW, "");
+    let mut run = replay_with(&bench, log, &WITHOUT_AN_INJECTOR, WINDOW, "");
     // The source of all messages starts last.
     drop(run.wait_for_line(&format!("{halted:<10} is up")));
     let halted_pid = pid_of(&run, halted);
     signal(halted_pid, Signal::STOP);
     drop(bench.wait_for("playback", "it has played all", |it| it["counters"]["scans played"].as_u64() == Some(scans)));
-    // FTI takes what the sonars see moving beside each scan.
-    let least = if first == "fti" { 2 * scans } else { scans };
+    // FTI takes what the sonars see moving beside each scan; playback has said all.
+    let least = match first {
+        "fti" => 2 * scans,
+        "playback" => 0,
+        _ => scans,
+    };
     drop(bench.wait_for(first, "it has had all", |it| it["received"].as_u64() >= Some(least)));
     assert!(try_kill(pid_of(&run, first)));
     drop(run.wait_for_line(&format!("{first:<10} is up again")));
@@ -307,4 +319,36 @@ fn playback_killed_after_std() {
 #[test]
 fn playback_killed_after_mapping() {
     one_killed_after_the_other("mapping", "playback", "fti");
+}
+
+/// The drive with numbers that leap in its middle by more than a stream's history, as they do where the disk was full.
+fn write_with_a_gap(to: &Path) {
+    const GAP: u64 = 1000;
+    let (_, from, undisturbed) = &*DRIVE;
+    let behind_a_gap = |seq: u64, count: usize| if seq > count as u64 / 2 { seq + GAP } else { seq };
+    let mut log = Log::open(from).unwrap();
+    let mut recording = Recording::new(log.preamble()).unwrap();
+    while let Some(entry) = log.next_of::<SonarScan>().unwrap() {
+        if let Entry::Message { seq, stamp_ns, payload } = entry {
+            recording.scan(behind_a_gap(seq, undisturbed.scans), stamp_ns, &payload).unwrap();
+        }
+    }
+    let mut log = Log::open(from).unwrap();
+    while let Some(entry) = log.next_picture::<CameraFrame>().unwrap() {
+        if let Entry::Message { seq, stamp_ns, payload } = entry {
+            let seq = behind_a_gap(seq, undisturbed.pictures);
+            recording.picture::<CameraFrame>(seq, stamp_ns, &payload.layout, &payload.bytes).unwrap();
+        }
+    }
+    std::fs::write(to, recording.finish().unwrap()).unwrap();
+}
+
+#[test]
+fn fti_killed_after_playback_of_a_log_with_a_gap() {
+    let bench = Bench::new();
+    let log = bench.path("gap.mcap");
+    write_with_a_gap(&log);
+    let undisturbed = Outcome::of(&bench, &replay_with(&bench, &log, &WITHOUT_AN_INJECTOR, 256, "").end());
+    assert_eq!((undisturbed.scans, undisturbed.pictures), (DRIVE.2.scans, DRIVE.2.pictures));
+    killed_one_after_the_other(&log, &undisturbed, "playback", "fti", "fti");
 }

@@ -49,17 +49,17 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let checkpoint = shell.checkpoint();
     let resume = checkpoint.take_up(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
     if restarted {
-        tracing::info!("goes on behind scan {}", resume.begin_behind()[0]);
+        tracing::info!("goes on behind scan {}", resume.begin_behind[0]);
     }
     let mut playback = Playback {
         lanes: lanes(&mut shell, settings, log, &resume, restarted)?,
-        resume,
         checkpoint,
         progress: shell.reader()?,
         statuses: shell.reader()?,
         control: shell.reader()?,
         paused: resume.schedule.is_some_and(|schedule| schedule.rate() <= 0.0),
         rate: resume.schedule.map_or(1.0, |schedule| schedule.rate()),
+        resume,
         live_speed: (settings.pace == Pace::Live).then_some(speed),
         first_ns: None,
         held: None,
@@ -75,7 +75,7 @@ fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, rest
         source,
         stream,
         service: service.name,
-        begin_behind: resume.begin_behind()[stream],
+        begin_behind: resume.begin_behind[stream],
         assumed: resume.reserved[stream],
         answers: Answers::new(consumers),
         window: (settings.pace == Pace::Lockstep).then(|| Window::new(if restarted { window.min(STREAMS[stream].spare) } else { window })),

@@ -1,5 +1,7 @@
 //! What a restarted playback goes on from.
 
+use std::collections::VecDeque;
+
 use messages::{CameraFrame, CameraMotion, Payload, Pictures, SonarScan};
 
 use crate::schedule::Schedule;
@@ -16,7 +18,7 @@ pub const STREAMS: [Stream; 3] = [
 /// A dead sender takes the history of its stream with it, and a consumer that dies next goes on from a checkpoint that lies
 /// further back than what it has answered. So a restarted playback sends again what the history held, less `spare`; what a
 /// consumer has had, its reader drops. That history covers the window of lockstep, a consumer's checkpoint interval and this
-/// note's.
+/// note's. All of these are counts of messages: numbers may be missing in a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stream {
     /// Messages that a late reader still gets.
@@ -28,40 +30,46 @@ pub struct Stream {
     pub spare: u32,
 }
 
+impl Stream {
+    /// Messages up to a note that a restarted playback sends again. With those that may have been sent beyond the note and those
+    /// that are spare they are as many as the history holds.
+    fn again(&self) -> usize {
+        (self.history - u64::from(self.spare) - (self.reserve - 1)) as usize
+    }
+}
+
 /// How far playback may have come, kept for its next incarnation.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Resume {
     /// Of each stream nothing after this message has been sent.
     pub reserved: [u64; STREAMS.len()],
+    /// The message of each stream behind which a restarted playback begins.
+    pub begin_behind: [u64; STREAMS.len()],
     /// When messages are due, for a live replay.
     pub schedule: Option<Schedule>,
+    /// The last messages that this incarnation has sent of each stream, the oldest first.
+    sent: [VecDeque<u64>; STREAMS.len()],
 }
 
 impl Resume {
-    /// The message of each stream behind which a restarted playback begins.
-    #[must_use]
-    pub fn begin_behind(&self) -> [u64; STREAMS.len()] {
-        let mut begin = self.reserved;
-        for (seq, Stream { history, spare, .. }) in begin.iter_mut().zip(STREAMS) {
-            *seq = seq.saturating_sub(history - u64::from(spare));
-        }
-        begin
-    }
-
     /// Makes room for a message of a stream that is about to be sent; true when the note has changed and has to be kept first.
     pub fn reserve(&mut self, stream: usize, seq: u64) -> bool {
-        let (Some(reserved), Some(Stream { reserve, .. })) = (self.reserved.get_mut(stream), STREAMS.get(stream)) else { return false };
+        let (Some(reserved), Some(begin_behind)) = (self.reserved.get_mut(stream), self.begin_behind.get_mut(stream)) else { return false };
+        let (Some(sent), Some(of)) = (self.sent.get_mut(stream), STREAMS.get(stream)) else { return false };
+        sent.push_back(seq);
+        let before = if sent.len() > of.again() { sent.pop_front() } else { None };
         let fits = seq <= *reserved;
         if !fits {
-            *reserved = seq.saturating_add(reserve - 1);
+            *reserved = seq.saturating_add(of.reserve - 1);
+            *begin_behind = before.unwrap_or(*begin_behind);
         }
         !fits
     }
 
     /// For the next incarnation.
     #[must_use]
-    pub fn to_bytes(self) -> Vec<u8> {
-        let mut bytes = self.reserved.map(u64::to_le_bytes).concat();
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = [self.reserved, self.begin_behind].as_flattened().iter().flat_map(|seq| seq.to_le_bytes()).collect::<Vec<u8>>();
         bytes.extend(self.schedule.map(Schedule::to_bytes).unwrap_or_default());
         bytes
     }
@@ -69,13 +77,14 @@ impl Resume {
     /// From an earlier one.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (numbers, rest) = bytes.split_at_checked(8 * STREAMS.len())?;
-        let mut reserved = [0; STREAMS.len()];
-        for (seq, number) in reserved.iter_mut().zip(numbers.as_chunks::<8>().0) {
+        let mut resume = Self::default();
+        let (numbers, rest) = bytes.split_at_checked(2 * 8 * STREAMS.len())?;
+        let places = resume.reserved.iter_mut().chain(&mut resume.begin_behind);
+        for (seq, number) in places.zip(numbers.as_chunks::<8>().0) {
             *seq = u64::from_le_bytes(*number);
         }
-        let schedule = if rest.is_empty() { None } else { Some(Schedule::from_bytes(rest)?) };
-        Some(Self { reserved, schedule })
+        resume.schedule = if rest.is_empty() { None } else { Some(Schedule::from_bytes(rest)?) };
+        Some(resume)
     }
 }
 
@@ -97,38 +106,71 @@ mod tests {
 
     #[test]
     fn a_note_reads_as_it_was_written() {
-        for resume in [Resume::default(), Resume { reserved: [77, 5, 78], schedule: Some(Schedule::new(5, 6)) }] {
+        let noted = Resume { reserved: [77, 5, 78], begin_behind: [3, 1, 4], schedule: Some(Schedule::new(5, 6)), ..Resume::default() };
+        for resume in [Resume::default(), noted] {
             assert_eq!(Resume::from_bytes(&resume.to_bytes()), Some(resume));
         }
-        assert_eq!(Resume::from_bytes(&[0; 23]), None);
-        assert_eq!(Resume::from_bytes(&[0; 25]), None);
+        assert_eq!(Resume::from_bytes(&[0; 47]), None);
+        assert_eq!(Resume::from_bytes(&[0; 49]), None);
     }
 
-    /// Playback and a consumer die together: whatever the consumer's checkpoint, what it lacks is sent again, something is new
-    /// to it, and all of it fits the history that it finds when it comes later.
-    fn check_restart(stream: usize, sent: u64, window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
-        let mut resume = Resume::default();
-        (1..=sent).for_each(|seq| {
-            resume.reserve(stream, seq);
-        });
-        let checkpoint = sent - behind % (window + interval).min(sent + 1);
+    /// The numbers of a log's messages: so many in a row, then so many that are missing.
+    fn numbers(rows: &[(u64, u64)]) -> Vec<u64> {
+        let mut next = 1;
+        let row = |(count, missing): &(u64, u64)| {
+            let first = next;
+            next = first + count + missing;
+            first..first + count
+        };
+        rows.iter().flat_map(row).collect()
+    }
+
+    /// Playback and a consumer die together, and again each time when so many messages more have been sent: whatever the
+    /// consumer's checkpoint, what it lacks is sent again, something is new to it, and all of it fits the history that it finds
+    /// when it comes later.
+    fn check_restarts(stream: usize, log: &[u64], lives: &[usize], window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
         let Stream { history, spare, .. } = STREAMS[stream];
-        let (first, last) = (resume.begin_behind()[stream] + 1, resume.reserved[stream] + u64::from(spare));
-        prop_assert!(first <= checkpoint + 1);
-        prop_assert!(last > checkpoint);
-        prop_assert!(last - first < history);
+        let up_to = |seq: u64| log.partition_point(|it| *it <= seq);
+        let (mut first, mut sent) = (0, 0);
+        let mut resume = Resume::default();
+        for more in lives {
+            sent = log.len().min(sent + more);
+            for seq in &log[first..sent] {
+                resume.reserve(stream, *seq);
+            }
+            resume = Resume::from_bytes(&resume.to_bytes()).unwrap();
+            first = up_to(resume.begin_behind[stream]);
+            let last = up_to(resume.reserved[stream]) + spare as usize;
+            let lacking = (behind % (window + interval)) as usize;
+            prop_assert!(first <= sent.saturating_sub(lacking), "begins with message {first} of {sent}, and {lacking} are lacking");
+            prop_assert!(last > sent, "nothing is new up to message {last} of {sent}");
+            prop_assert!(last - first <= history as usize, "{first} to {last} are more than the history holds");
+        }
         Ok(())
+    }
+
+    fn rows() -> impl Strategy<Value = Vec<(u64, u64)>> {
+        prop::collection::vec((1u64..800, prop_oneof![Just(0), 1u64..1_000]), 1..20)
+    }
+
+    fn lives() -> impl Strategy<Value = Vec<usize>> {
+        prop::collection::vec(0usize..2_000, 1..5)
     }
 
     proptest! {
         #[test]
-        fn what_a_restarted_consumer_lacks_comes_again(sent in 1u64..100_000, window in 1u64..=256, interval in 1u64..=128, behind: u64) {
-            check_restart(0, sent, window, interval, behind)?;
+        fn what_a_restarted_consumer_lacks_comes_again(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
+            check_restarts(0, &numbers(&rows), &lives, window, interval, behind)?;
         }
 
         #[test]
-        fn so_do_pictures(sent in 1u64..100_000, window in 1u64..=u64::from(crate::process::FRAME_WINDOW), interval in 1u64..=8, behind: u64) {
-            check_restart(1, sent, window, interval, behind)?;
+        fn so_do_pictures(rows in rows(), lives in lives(), window in 1u64..=u64::from(crate::process::FRAME_WINDOW), interval in 1u64..=8, behind: u64) {
+            check_restarts(1, &numbers(&rows), &lives, window, interval, behind)?;
+        }
+
+        #[test]
+        fn so_do_camera_motions(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
+            check_restarts(2, &numbers(&rows), &lives, window, interval, behind)?;
         }
     }
 }
