@@ -76,3 +76,21 @@ fn logs() {
     }
     refuses(&bench, &["replay", "nowhere.mcap"], &["nowhere.mcap"]);
 }
+
+#[test]
+fn faults() {
+    let bench = Bench::new();
+    for (arguments, expected) in [
+        (&["--service", "map/tile", "drop"][..], &["--service", "'map/tile'", "expected robot/scan, motion/sonar"][..]),
+        (&["--process", "a process", "kill"], &["--process", "'a process'", "1 to 24 of a-z"]),
+        (&["--process", "std", "Stop"], &["'Stop'", "expected drop, delay"]),
+        (&["--service", "map/verdict", "kill"], &["kill --service map/verdict: expected a service with"]),
+        (&["memory", "--process", "std"], &["memory --process std: expected a service with"]),
+        (&["drop"], &["drop: expected a service with"]),
+        (&["--service", "robot/scan", "drop", "--rate", "nan"], &["--rate", "'nan'", "expected 0 to 1"]),
+        (&["--service", "robot/scan", "delay", "--by", "-5"], &["--by", "'-5'", "expected 0.001 to 3600 s"]),
+        (&["--service", "robot/scan", "delay", "--for", "1e9"], &["--for", "'1e9'", "expected 0 to 86400 s"]),
+    ] {
+        refuses(&bench, &[&["inject"], arguments].concat(), expected);
+    }
+}

@@ -202,6 +202,45 @@ impl RoutedService {
     }
 }
 
+impl FaultKind {
+    /// Every kind.
+    pub const ALL: [Self; 13] = [
+        Self::Drop,
+        Self::Delay,
+        Self::Duplicate,
+        Self::Reorder,
+        Self::Corrupt,
+        Self::Stall,
+        Self::Burst,
+        Self::Clock,
+        Self::Kill,
+        Self::Stop,
+        Self::Slow,
+        Self::Disk,
+        Self::Memory,
+    ];
+
+    /// The word for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Drop => "drop",
+            Self::Delay => "delay",
+            Self::Duplicate => "duplicate",
+            Self::Reorder => "reorder",
+            Self::Corrupt => "corrupt",
+            Self::Stall => "stall",
+            Self::Burst => "burst",
+            Self::Clock => "clock",
+            Self::Kill => "kill",
+            Self::Stop => "stop",
+            Self::Slow => "slow",
+            Self::Disk => "disk",
+            Self::Memory => "memory",
+        }
+    }
+}
+
 impl Disturbance {
     /// The disturbance of a service, of a process, or where neither is given of the computer.
     ///
@@ -234,7 +273,9 @@ impl Disturbance {
         }
     }
 
-    fn kind(&self) -> FaultKind {
+    /// What happens.
+    #[must_use]
+    pub fn kind(&self) -> FaultKind {
         match self {
             Self::Service { fault, .. } => match fault {
                 StreamFault::Drop => FaultKind::Drop,
@@ -335,9 +376,12 @@ mod tests {
     }
 
     #[test]
-    fn the_names_of_services_are_those_of_the_file() {
+    fn the_names_of_services_and_kinds_are_those_of_the_file() {
         for service in RoutedService::ALL {
             assert_eq!(toml::Value::try_from(service).unwrap().as_str(), Some(service.name()));
+        }
+        for kind in FaultKind::ALL {
+            assert_eq!(toml::Value::try_from(kind).unwrap().as_str(), Some(kind.name()));
         }
     }
 }

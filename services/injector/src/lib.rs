@@ -17,7 +17,7 @@ mod timetable;
 
 pub use ballast::{Ballast, BallastError};
 pub use line::{Cargo, Counts, Line};
-pub use order::{OrderError, give_order, read_order};
+pub use order::{OrderError, give_order};
 pub use process::{InjectorError, run};
 pub use signals::{SignalError, Victim};
 pub use timetable::{Deed, Harm, Timetable};

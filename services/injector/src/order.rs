@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use settings::{Fault, PlannedFault, SettingsError};
+use settings::{PlannedFault, SettingsError};
 
 /// The folder within the domain's.
 const FOLDER: &str = "faults";
@@ -48,19 +48,6 @@ pub fn give_order(domain: &Path, fault: &PlannedFault) -> Result<(), OrderError>
     // Seen whole or not at all.
     let order = fresh.with_extension("toml");
     std::fs::rename(&fresh, &order).map_err(|source| io(&order, source))
-}
-
-/// Reads a fault as it stands in a settings file, as the one `[[fault]]` of `text`; `name` is what errors call the text.
-///
-/// # Errors
-/// When it is no fault, or not exactly one.
-pub fn read_order(name: &str, text: &str) -> Result<PlannedFault, SettingsError> {
-    let one = |order: &Order| match order.fault.len() {
-        1 => Ok(()),
-        count => Err(Fault::new("fault", format!("one fault, found {count}"))),
-    };
-    let order: Order = settings::parse_checked(name, text, one)?;
-    order.fault.into_iter().next().ok_or_else(|| SettingsError::Unwritable { key: "fault".to_owned() })
 }
 
 /// Takes the orders that have come since.

@@ -1,6 +1,7 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use settings::{FaultKind, FaultLength, FaultPeriod, FaultRate, Name, OutOfRange, RoutedService};
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -134,25 +135,25 @@ pub(crate) struct RunOptions {
 #[command(group = clap::ArgGroup::new("whom"))]
 pub(crate) struct InjectOptions {
     /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory
-    #[arg(value_name = "KIND")]
-    pub(crate) kind: String,
+    #[arg(value_name = "KIND", value_parser = kind)]
+    pub(crate) kind: FaultKind,
     /// The service, for example robot/scan; it has to go through an injector
-    #[arg(long, value_name = "NAME", group = "whom")]
-    pub(crate) service: Option<String>,
+    #[arg(long, value_name = "NAME", group = "whom", value_parser = service)]
+    pub(crate) service: Option<RoutedService>,
     /// The process
-    #[arg(long, value_name = "NAME", group = "whom")]
-    pub(crate) process: Option<String>,
+    #[arg(long, value_name = "NAME", group = "whom", value_parser = process_name)]
+    pub(crate) process: Option<Name>,
     /// Share of messages that are hit, or of time that a slowed process stands
-    #[arg(long, value_name = "SHARE", default_value_t = 1.0)]
-    pub(crate) rate: f64,
+    #[arg(long, value_name = "SHARE", default_value = "1", value_parser = within::<FaultRate>, allow_negative_numbers = true)]
+    pub(crate) rate: FaultRate,
     /// How long, s
-    #[arg(long = "for", value_name = "S", default_value_t = 10.0)]
-    pub(crate) for_s: f64,
+    #[arg(long = "for", value_name = "S", default_value = "10", value_parser = within::<FaultLength>, allow_negative_numbers = true)]
+    pub(crate) for_s: FaultLength,
     /// By how much it delays or a clock is set, how often a burst comes or a kill, s
-    #[arg(long = "by", value_name = "S")]
-    pub(crate) by_s: Option<f64>,
+    #[arg(long = "by", value_name = "S", value_parser = within::<FaultPeriod>, allow_negative_numbers = true)]
+    pub(crate) by_s: Option<FaultPeriod>,
     /// Another seed hits other messages
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u32,
     #[command(flatten)]
     pub(crate) which: Which,
@@ -389,6 +390,33 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
+fn kind(text: &str) -> Result<FaultKind, String> {
+    FaultKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == text)
+        .ok_or_else(|| format!("expected {}", one_of(FaultKind::ALL.map(FaultKind::name))))
+}
+
+fn service(text: &str) -> Result<RoutedService, String> {
+    let all = RoutedService::ALL;
+    all.into_iter().find(|service| service.name() == text).ok_or_else(|| format!("expected {}", one_of(all.map(RoutedService::name))))
+}
+
+fn one_of<const N: usize>(words: [&str; N]) -> String {
+    words.split_last().map_or_else(String::new, |(last, others)| format!("{} or {last}", others.join(", ")))
+}
+
+fn process_name(text: &str) -> Result<Name, String> {
+    Name::try_from(text.to_owned()).map_err(|error| error.to_string())
+}
+
+/// A number within the limits of its setting.
+fn within<T: TryFrom<f64, Error = OutOfRange>>(text: &str) -> Result<T, String> {
+    // What is no number is within no limits.
+    let number = text.parse().unwrap_or(f64::NAN);
+    T::try_from(number).map_err(|refused| format!("expected {}", refused.expected))
+}
+
 fn factor(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(factor) if (0.0..=10.0).contains(&factor) => Ok(factor),
@@ -433,6 +461,26 @@ mod tests {
         assert_eq!(speed("2.5"), Ok(2.5));
         for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
             assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_fault_names_what_there_is_and_numbers_that_can_be_meant() {
+        assert_eq!((kind("drop"), service("map/verdict")), (Ok(FaultKind::Drop), Ok(RoutedService::Verdict)));
+        assert!(kind("Drop").unwrap_err().ends_with("slow, disk or memory"));
+        assert_eq!(service("map/tile"), Err("expected robot/scan, motion/sonar, motion/camera or map/verdict".to_owned()));
+        assert!(process_name("std").is_ok() && process_name("../std").is_err());
+        assert_eq!(within::<FaultRate>("0.5").map(FaultRate::get), Ok(0.5));
+        for wrong in ["", "-0.1", "1.1", "nan", "inf", "half"] {
+            assert_eq!(within::<FaultRate>(wrong), Err("expected 0 to 1".to_owned()), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_number_below_zero_is_refused_for_what_it_is() {
+        for option in ["--rate", "--for", "--by", "--seed"] {
+            let error = Cli::try_parse_from(["stillmap", "inject", "drop", option, "-5"]).unwrap_err().to_string();
+            assert!(error.contains(option) && error.contains("-5") && !error.contains("unexpected argument"), "{error}");
         }
     }
 

@@ -7,7 +7,7 @@ use crate::status::choose;
 use bus::{Reader, Received, RunningDomain, Tool};
 use injector::{Ballast, Deed, Harm, Timetable, Victim};
 use messages::DeploymentStatus;
-use settings::{Disturbance, Name, PlannedFault, Settings};
+use settings::{Disturbance, FaultStart, Name, PlannedFault, Settings};
 use std::time::{Duration, Instant};
 
 /// How long a supervisor may take to tell which processes there are; it does so once a second.
@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Makes the fault: one of a service is the injector's to make, one of a process or of memory is made here until it is over.
 pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
-    let fault = injector::read_order("stillmap inject", &as_text(options))?;
+    let fault = planned(options)?;
     let domain = choose(&options.which)?;
     let settings = Settings::read(&domain.directory().join("settings.toml"))?;
     match &fault.disturbance {
@@ -23,17 +23,17 @@ pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
             let name = service.name();
             if !settings.routed_services().contains(service) {
                 let how = format!("a process that runs \"injector\", and {name} in [injector] services");
-                return Err(
-                    BadInput(format!("{name} does not go through an injector in deployment {}: it needs {how}", domain.name())).into()
-                );
+                let lacks = format!("{name} does not go through an injector in deployment {}: it needs {how}", domain.name());
+                return Err(BadInput(format!("--service {lacks}")).into());
             }
             injector::give_order(domain.directory(), &fault)?;
-            output::line(&format!("{name}: {} for {} s", options.kind, options.for_s))?;
+            output::line(&format!("{name}: {} for {} s", options.kind.name(), options.for_s.get()))?;
             Ok(0)
         }
         Disturbance::Process { process, .. } => {
             if !settings.process.iter().any(|it| it.name == *process) {
-                return Err(BadInput(format!("deployment {} has no process {}", domain.name(), process.as_str())).into());
+                let process = process.as_str();
+                return Err(BadInput(format!("--process {process}: deployment {} has no such process", domain.name())).into());
             }
             disturb(&domain, process, &fault)
         }
@@ -41,13 +41,18 @@ pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
     }
 }
 
-fn as_text(options: &InjectOptions) -> String {
-    let mut text = format!("[[fault]]\nkind = {:?}\n", options.kind);
-    let named = [("service", &options.service), ("process", &options.process)];
-    text.extend(named.into_iter().filter_map(|(key, value)| Some(format!("{key} = {:?}\n", value.as_ref()?))));
-    text += &format!("rate = {:?}\nfor_s = {:?}\nseed = {}\n", options.rate, options.for_s, options.seed);
-    text.extend(options.by_s.map(|by_s| format!("by_s = {by_s:?}\n")));
-    text
+/// The fault of the options; it begins at once.
+fn planned(options: &InjectOptions) -> Result<PlannedFault, BadInput> {
+    let InjectOptions { kind, service, process, rate, for_s, by_s, seed, which: _ } = options.clone();
+    let whom = match (&service, &process) {
+        (Some(service), _) => format!(" --service {}", service.name()),
+        (None, Some(process)) => format!(" --process {}", process.as_str()),
+        (None, None) => String::new(),
+    };
+    let no_such = |error| BadInput(format!("{}{whom}: {error}", kind.name()));
+    let disturbance = Disturbance::new(service, process, kind).map_err(no_such)?;
+    let seed = seed.try_into().map_err(|error| BadInput(format!("--seed {error}")))?;
+    Ok(PlannedFault { disturbance, rate, from_s: FaultStart::default(), for_s, by_s, seed })
 }
 
 /// Disturbs a process until the fault is over; seconds here are those of the wall clock.
