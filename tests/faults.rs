@@ -114,8 +114,16 @@ fn a_clock_that_is_set_costs_what_it_is_set_back_by_and_that_is_said() {
     assert_eq!(integrated(&stdout).unwrap() + refused.len(), scans.parse::<usize>().unwrap(), "{stdout}{recorded}");
 }
 
+/// The lines that a command says, which went well.
+#[track_caller]
+fn told(output: &std::process::Output) -> Vec<String> {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    text(&output.stdout).lines().map(str::to_owned).collect()
+}
+
 #[test]
 fn status_names_what_was_refused() {
+    const CORRUPTS: &str = "disturbs robot/scan as asked: corrupt, rate 0.5, for 5 s";
     let bench = Bench::new();
     let more = format!("{INJECTOR}[injector]\nservices = [\"robot/scan\", \"motion/sonar\"]\n");
     let run = live(&bench, &more, "");
@@ -128,18 +136,23 @@ fn status_names_what_was_refused() {
     assert!(text(&nobody.stderr).contains("--process mappping: deployment live has no such process"), "{}", text(&nobody.stderr));
     let impossible = inject(&["--process", "mapping", "drop"]);
     assert_eq!(impossible.status.code(), Some(2));
-    assert_eq!(inject(&["--service", "robot/scan", "corrupt", "--rate", "0.5"]).status.code(), Some(0));
+    assert_eq!(told(&inject(&["--service", "robot/scan", "corrupt", "--rate", "0.5", "--for", "5"])), [CORRUPTS]);
     let mapping = bench.wait_for("mapping", "it has refused scans", |it| it["refused"].as_u64() > Some(5));
     assert!(mapping["note"].as_str().unwrap().contains("of robot/scan"), "{mapping}");
     assert_eq!(inject(&["--service", "motion/sonar", "drop", "--for", "20"]).status.code(), Some(0));
+    let inject_stop = inject(&["--process", "recorder", "stop", "--for", "0.5"]);
     let fti = bench.wait_for("fti", "it says what it lacks", |it| it["note"].as_str().is_some_and(|note| note.contains("no sonar motion")));
     let since = fti["note"].as_str().unwrap().split("no sonar motion since ").nth(1).and_then(|rest| rest.split_once(" s"));
     assert!(since.is_some_and(|(since, _)| (0.0..3600.0).contains(&since.parse::<f64>().unwrap())), "since the run began: {fti}");
-    assert_eq!(inject(&["--process", "std", "kill"]).status.code(), Some(0));
+    assert_eq!(told(&inject(&["--process", "std", "kill"])), ["kills std as asked", "std: killed"]);
     drop(bench.wait_for("std", "it is back", |it| it["restarts"] == 1 && it["state"] == "running"));
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
     assert!(text(&ended.stdout).contains("std once"), "{}", text(&ended.stdout));
+    let said = text(&ended.stderr);
+    let [begins, over] = [CORRUPTS, "robot/scan is disturbed no longer: corrupt"].map(|words| said.find(&format!("injector   {words}")));
+    assert!(begins.is_some() && begins < over, "{said}");
+    assert_eq!(told(&inject_stop), ["stops recorder as asked, for 0.5 s", "recorder is stopped no longer"]);
 }
 
 #[test]
@@ -164,6 +177,9 @@ fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
     let times = if killed == 1 { "once".to_owned() } else { format!("{killed} times") };
     assert!(killed > 0 && stdout.contains(&format!("std {times}")), "{stdout}{stderr}");
     assert!(stdout.contains("failed     fti") && stdout.contains("map sha256"), "{stdout}");
+    for words in ["stops std as set, for 60 s", "kills fti as set, every 0.1 s, to the end"] {
+        assert_eq!(stderr.lines().filter(|line| line.contains(words)).count(), 1, "{words}: {stderr}");
+    }
 }
 
 #[test]
@@ -175,6 +191,9 @@ fn a_full_disk_stops_the_recording_and_a_new_file_goes_on() {
     assert_eq!(ended.status.code(), Some(0), "{stdout}{stderr}");
     assert!(stderr.contains("the log may grow no further") && stderr.contains("what comes is not recorded"), "{stderr}");
     assert!(stderr.contains("recording again, into"), "{stderr}");
+    let said = |words: &str| stderr.find(words).unwrap_or_else(|| panic!("{words}: {stderr}"));
+    assert!(said("fills the disk of recorder as set, for 8 s") < said("the log may grow no further"), "{stderr}");
+    assert!(said("the disk of recorder is full no longer") < said("recording again, into"), "{stderr}");
     assert!(!stdout.contains("restarted"), "{stdout}");
     let out = bench.path("live-out");
     assert!(out.join("drive.2.mcap").exists());

@@ -4,6 +4,7 @@
 //! injector sends to its readers. Neither they nor the readers are built for it. [`Line`] decides what becomes of each message;
 //! whether a fault hits one follows from the fault's seed and the message's number alone, so that a run that is repeated, or a
 //! message that is sent again, meets the same faults. [`Timetable`] says when a process is to be disturbed, or shared memory taken ([`Ballast`]).
+//! Where a fault begins and where it is over, that is [News].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod ballast;
@@ -14,6 +15,7 @@ mod process;
 mod relay;
 mod signals;
 mod timetable;
+mod words;
 
 pub use ballast::{Ballast, BallastError};
 pub use line::{Cargo, Counts, Line};
@@ -21,3 +23,4 @@ pub use order::{OrderError, give_order};
 pub use process::{InjectorError, run};
 pub use signals::{SignalError, Victim};
 pub use timetable::{Deed, Harm, Timetable};
+pub use words::{News, Wish};

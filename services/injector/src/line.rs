@@ -5,6 +5,8 @@ use std::collections::VecDeque;
 use settings::{PlannedFault, StreamFault};
 
 use crate::chance::{draw, happens};
+use crate::timetable::Phase;
+use crate::words::{News, Wish};
 
 /// Most messages held back; the oldest goes on when there are more, as a full buffer would have it.
 const MOST_HELD: usize = 4096;
@@ -64,15 +66,18 @@ pub struct Line<C> {
     /// A message that waits for the next one.
     overtaken: Option<C>,
     counts: Counts,
+    /// What has not been taken of what is to be told.
+    news: Vec<News>,
 }
 
 #[derive(Debug, Clone)]
 struct Scheduled {
     kind: StreamFault,
-    rate: f64,
+    plan: PlannedFault,
+    wish: Wish,
+    /// What has been told of it.
+    phase: Phase,
     seed: u64,
-    from_s: f64,
-    for_s: f64,
     by_ns: u64,
     /// Sensor time that `from_s` counts from; that of the first message when not given.
     since_ns: Option<u64>,
@@ -85,28 +90,37 @@ impl<C: Cargo> Line<C> {
     /// and what never came nobody could answer.
     #[must_use]
     pub fn new(began_ns: Option<u64>, tells_gaps: bool) -> Self {
-        Self { faults: Vec::new(), tells_gaps, began_ns, newest_ns: 0, held: VecDeque::new(), overtaken: None, counts: Counts::default() }
+        Self {
+            faults: Vec::new(),
+            tells_gaps,
+            began_ns,
+            newest_ns: 0,
+            held: VecDeque::new(),
+            overtaken: None,
+            counts: Counts::default(),
+            news: Vec::new(),
+        }
     }
 
-    /// Adds a fault that counts from the first message of the stream.
+    /// Adds a fault of the settings, which counts from the first message of the stream.
     pub fn plan(&mut self, kind: StreamFault, fault: &PlannedFault) {
-        self.add(kind, fault, None);
+        self.add(kind, fault, Wish::Set, None);
     }
 
-    /// Adds a fault that counts from now.
+    /// Adds a fault that somebody asks for; it counts from now.
     pub fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault) {
         let since_ns = self.began_ns.map(|_| self.newest_ns);
-        self.add(kind, fault, since_ns);
+        self.add(kind, fault, Wish::Asked, since_ns);
     }
 
-    fn add(&mut self, kind: StreamFault, fault: &PlannedFault, since_ns: Option<u64>) {
+    fn add(&mut self, kind: StreamFault, fault: &PlannedFault, wish: Wish, since_ns: Option<u64>) {
         self.faults.push(Scheduled {
             kind,
-            rate: fault.rate.get(),
+            plan: fault.clone(),
+            wish,
+            phase: Phase::Before,
             // Two faults of one seed do not hit the same messages.
             seed: u64::from(fault.seed.get()) | (self.faults.len() as u64 + 1) << 32,
-            from_s: fault.from_s.get(),
-            for_s: fault.for_s.get(),
             by_ns: (fault.by_s.unwrap_or_default().get() * 1e9) as u64,
             since_ns,
         });
@@ -120,9 +134,10 @@ impl<C: Cargo> Line<C> {
         let (seq, end) = (message.seq(), message.is_end());
         let mut until_ns = 0;
         let (mut copies, mut overtaken, mut forward_ns) = (1, false, 0_u64);
-        for fault in &self.faults {
+        for fault in &mut self.faults {
+            self.news.extend(fault.news(began_ns, message.stamp_ns(), end));
             let active = fault.is_active(began_ns, message.stamp_ns());
-            if !active || !happens(fault.seed, seq, fault.rate) {
+            if !active || !happens(fault.seed, seq, fault.plan.rate.get()) {
                 continue;
             }
             match fault.kind {
@@ -197,22 +212,42 @@ impl<C: Cargo> Line<C> {
     pub fn counts(&self) -> Counts {
         self.counts
     }
+
+    /// What is to be told of the faults since this was last asked.
+    pub fn take_news(&mut self) -> Vec<News> {
+        std::mem::take(&mut self.news)
+    }
 }
 
 impl Scheduled {
     /// Time within the fault, s; negative before it.
     fn within_s(&self, began_ns: u64, stamp_ns: u64) -> f64 {
         let since_ns = self.since_ns.unwrap_or(began_ns);
-        (stamp_ns as f64 - since_ns as f64) * 1e-9 - self.from_s
+        (stamp_ns as f64 - since_ns as f64) * 1e-9 - self.plan.from_s.get()
     }
 
     fn is_active(&self, began_ns: u64, stamp_ns: u64) -> bool {
-        (0.0..self.for_s).contains(&self.within_s(began_ns, stamp_ns))
+        (0.0..self.plan.for_s.get()).contains(&self.within_s(began_ns, stamp_ns))
+    }
+
+    /// What a message tells of it: that it begins with the first one in its time, or is over with one behind that or with the end.
+    fn news(&mut self, began_ns: u64, stamp_ns: u64, end: bool) -> Option<News> {
+        match self.phase {
+            Phase::Before if !end && self.is_active(began_ns, stamp_ns) => {
+                self.phase = Phase::Under;
+                Some(News::begins(&self.plan, self.wish))
+            }
+            Phase::Under if end || self.within_s(began_ns, stamp_ns) >= self.plan.for_s.get() => {
+                self.phase = Phase::Over;
+                Some(News::over(&self.plan))
+            }
+            _ => None,
+        }
     }
 
     /// Until its end, ns.
     fn rest_ns(&self, began_ns: u64, stamp_ns: u64) -> u64 {
-        ((self.for_s - self.within_s(began_ns, stamp_ns)).max(0.0) * 1e9) as u64
+        ((self.plan.for_s.get() - self.within_s(began_ns, stamp_ns)).max(0.0) * 1e9) as u64
     }
 }
 
@@ -337,6 +372,31 @@ mod tests {
             [(1, false), (2, false), (3, true), (4, false)]
         );
         assert_eq!(line.counts().dropped, 1);
+    }
+
+    #[test]
+    fn a_fault_is_told_with_the_first_message_that_it_may_hit_and_with_the_first_behind_it() {
+        let letter = |seq, end| Letter { seq, bits: 0, end, forward_ns: 0, is_gap: false };
+        let told = |line: &mut Line<Letter>, seqs: std::ops::RangeInclusive<u64>, end| {
+            let each = seqs.flat_map(|seq| {
+                line.take(letter(seq, end), seq * TENTH_NS, &mut Vec::new());
+                line.take_news().into_iter().map(|news| (seq, news)).collect::<Vec<_>>()
+            });
+            each.collect::<Vec<_>>()
+        };
+        let mut line = Line::new(None, false);
+        // Messages 4 and 5; it hits none of them.
+        let (kind, planned) = fault(StreamFault::Drop, |fault| {
+            (fault.from_s, fault.for_s) = (0.3.try_into().unwrap(), 0.2.try_into().unwrap());
+            fault.rate = 0.0.try_into().unwrap();
+        });
+        line.plan(kind, &planned);
+        let (begins, over) = (News::begins(&planned, Wish::Set), News::over(&planned));
+        assert_eq!(told(&mut line, 1..=9, false), [(4, begins), (6, over)]);
+        let (kind, asked) = fault(StreamFault::Corrupt, |fault| fault.for_s = 1.0.try_into().unwrap());
+        line.disturb(kind, &asked);
+        assert_eq!(told(&mut line, 10..=12, false), [(10, News::begins(&asked, Wish::Asked))]);
+        assert_eq!(told(&mut line, 12..=12, true), [(12, News::over(&asked))], "nothing comes behind the end");
     }
 
     #[test]

@@ -14,6 +14,7 @@ use crate::order::take_orders;
 use crate::relay::{self, Relay};
 use crate::signals::Victim;
 use crate::timetable::{Deed, Harm, Timetable};
+use crate::words::{News, Wish};
 
 /// Shortest wait for a due time: what is due within it comes a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
@@ -103,6 +104,7 @@ impl Process for Injector {
         let mut more = false;
         for (_, relay) in &mut self.relays {
             more |= relay.carry(now_ns)?;
+            relay.take_news().iter().for_each(tell);
         }
         self.keep();
         self.disturb();
@@ -127,7 +129,7 @@ impl Injector {
                     relay.plan(*kind, fault);
                 }
             }
-            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, 0.0, since_s),
+            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, Wish::Set, 0.0, since_s),
         }
     }
 
@@ -136,13 +138,10 @@ impl Injector {
         let now_s = self.started.elapsed_s();
         match &fault.disturbance {
             Disturbance::Service { service, fault: kind } => match self.relays.iter_mut().find(|(it, _)| it == service) {
-                Some((_, relay)) => {
-                    tracing::warn!("disturbs {} as asked: {kind:?}", service.name());
-                    relay.disturb(*kind, fault);
-                }
+                Some((_, relay)) => relay.disturb(*kind, fault),
                 None => tracing::warn!("{} does not go through the injector: [injector] services does not name it", service.name()),
             },
-            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, now_s, -1.0),
+            Disturbance::Process { .. } | Disturbance::Memory => self.timetable.plan(fault, Wish::Asked, now_s, -1.0),
         }
     }
 
@@ -168,6 +167,7 @@ impl Injector {
                 },
                 Deed::FillMemory => self.fill_memory(),
                 Deed::FreeMemory => self.ballast.free(),
+                Deed::Tell(news) => tell(&news),
             }
         }
     }
@@ -240,6 +240,13 @@ impl Injector {
         context.count("messages set forward", all.set_forward);
         context.count("deeds done to processes", self.disturbed);
         context.count("bytes of shared memory taken", self.ballast.bytes());
+    }
+}
+
+fn tell(news: &News) {
+    match news {
+        News::Begins(text) | News::Missed(text) => tracing::warn!("{text}"),
+        News::Over(text) => tracing::info!("{text}"),
     }
 }
 

@@ -5,6 +5,7 @@ use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
 use settings::{PlannedFault, RoutedService, StreamFault};
 
 use crate::line::{Cargo, Counts, Line};
+use crate::words::News;
 
 /// Most messages taken in one round, so that the heartbeat is never late.
 const TAKEN_PER_ROUND: usize = 256;
@@ -49,6 +50,8 @@ pub(crate) trait Relay {
     fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault);
     /// What has been done.
     fn counts(&self) -> Counts;
+    /// What is to be told of its faults since this was last asked.
+    fn take_news(&mut self) -> Vec<News>;
     /// Stamp of the first message, ns.
     fn began_ns(&self) -> Option<u64>;
 }
@@ -115,6 +118,10 @@ impl<T: Payload> Relay for Carrier<T> {
 
     fn counts(&self) -> Counts {
         self.line.counts()
+    }
+
+    fn take_news(&mut self) -> Vec<News> {
+        self.line.take_news()
     }
 
     fn began_ns(&self) -> Option<u64> {

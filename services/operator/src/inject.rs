@@ -5,7 +5,7 @@ use crate::exit::BadInput;
 use crate::output;
 use crate::status::choose;
 use bus::{Reader, Received, RunningDomain, Tool};
-use injector::{Ballast, Deed, Harm, Timetable, Victim};
+use injector::{Ballast, Deed, Harm, News, Timetable, Victim, Wish};
 use messages::DeploymentStatus;
 use settings::{Disturbance, FaultStart, Name, PlannedFault, Settings};
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
                 return Err(BadInput(format!("--service {lacks}")).into());
             }
             injector::give_order(domain.directory(), &fault)?;
-            output::line(&format!("{name}: {} for {} s", options.kind.name(), options.for_s.get()))?;
+            output::line(News::begins(&fault, Wish::Asked).text())?;
             Ok(0)
         }
         Disturbance::Process { process, .. } => {
@@ -60,7 +60,7 @@ fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyh
     let mut tool = Tool::join(domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut timetable = Timetable::default();
-    timetable.plan(fault, 0.0, -1.0);
+    timetable.plan(fault, Wish::Asked, 0.0, -1.0);
     let mut pid = None;
     let asked = Instant::now();
     while pid.is_none() {
@@ -75,7 +75,14 @@ fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyh
         hear(&mut statuses, process, &mut pid)?;
         let now_s = started.elapsed().as_secs_f64();
         for deed in timetable.due(now_s) {
-            let Deed::Suffer(_, harm) = deed else { continue };
+            let harm = match deed {
+                Deed::Suffer(_, harm) => harm,
+                Deed::Tell(news) => {
+                    output::line(news.text())?;
+                    continue;
+                }
+                Deed::FillMemory | Deed::FreeMemory => continue,
+            };
             let done = pid.map(|pid| Victim::find(domain.pid(), pid).and_then(|victim| victim.suffer(harm)));
             match (done, harm) {
                 (Some(Ok(())), Harm::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
@@ -95,21 +102,24 @@ fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyh
 fn take_memory(fault: &PlannedFault) -> anyhow::Result<u8> {
     let mut ballast = Ballast::default();
     let mut timetable = Timetable::default();
-    timetable.plan(fault, 0.0, -1.0);
+    timetable.plan(fault, Wish::Asked, 0.0, -1.0);
     let started = Instant::now();
     let mut said = false;
     loop {
         let now_s = started.elapsed().as_secs_f64();
         for deed in timetable.due(now_s) {
             match deed {
-                Deed::FillMemory => ballast.fill().map_err(|error| BadInput(error.to_string()))?,
+                Deed::FillMemory => {
+                    ballast.fill().map_err(|error| BadInput(error.to_string()))?;
+                    if !std::mem::replace(&mut said, true) {
+                        output::line(&format!("{} bytes of shared memory are taken for {} s", ballast.bytes(), fault.for_s.get()))?;
+                    }
+                }
                 Deed::FreeMemory => ballast.free(),
-                Deed::Suffer(..) => {}
+                // That it begins is told once it is known how much there is to take.
+                Deed::Tell(News::Begins(_)) | Deed::Suffer(..) => {}
+                Deed::Tell(news) => output::line(news.text())?,
             }
-        }
-        if !said {
-            output::line(&format!("{} bytes of shared memory are taken for {} s", ballast.bytes(), fault.for_s.get()))?;
-            said = true;
         }
         match timetable.next_s(now_s) {
             None => return Ok(0),
