@@ -78,8 +78,11 @@ impl Deployment {
     }
 
     /// Takes one event and says what to do, in order.
+    ///
+    /// Only [`Event::Tick`] lets time run out for anybody: all that was said before it has to be fed before it.
     pub fn step(&mut self, event: Event, now: Duration) -> Vec<Action> {
         let mut actions = Vec::new();
+        let ticks = event == Event::Tick;
         match event {
             Event::Heartbeat { process, work } => self.hear(process, work, now, &mut actions),
             Event::Exited { process, exit } => self.bury(process, exit, now, &mut actions),
@@ -87,7 +90,10 @@ impl Deployment {
             Event::StopAsked => self.hurry(now, &mut actions),
             Event::Rebuilt | Event::Tick => {}
         }
-        self.kill_what_hangs(now, &mut actions);
+        if ticks {
+            self.kill_what_hangs(now, &mut actions);
+            self.kill_what_does_not_stop(now, &mut actions);
+        }
         match self.phase {
             Phase::Running => self.run(now, &mut actions),
             Phase::Rebuilding { asked: false } if !self.processes.iter().any(Lifecycle::is_live) => {
@@ -97,7 +103,7 @@ impl Deployment {
             Phase::Rebuilding { .. } | Phase::Draining { .. } | Phase::Stopping | Phase::Over => {}
         }
         if let Phase::Draining { .. } = self.phase {
-            self.drain(now, &mut actions);
+            self.drain(ticks, now, &mut actions);
         }
         if self.phase == Phase::Stopping {
             self.stop(now, &mut actions);
@@ -289,12 +295,11 @@ impl Deployment {
         }
     }
 
-    fn drain(&mut self, now: Duration, actions: &mut Vec<Action>) {
+    fn drain(&mut self, ticks: bool, now: Duration, actions: &mut Vec<Action>) {
         let Phase::Draining { began, quiet_since } = self.phase else { return };
-        self.kill_what_does_not_stop(now, actions);
         self.start_again(now, actions);
-        let quiet = now >= quiet_since + self.policy.stop_deadline;
-        let too_long = now >= began + self.policy.stop_deadline * LONGEST_DRAIN;
+        let quiet = ticks && now >= quiet_since + self.policy.stop_deadline;
+        let too_long = ticks && now >= began + self.policy.stop_deadline * LONGEST_DRAIN;
         if quiet || too_long || self.processes.iter().all(Lifecycle::is_over) {
             self.phase = Phase::Stopping;
         }
@@ -321,7 +326,6 @@ impl Deployment {
     }
 
     fn stop(&mut self, now: Duration, actions: &mut Vec<Action>) {
-        self.kill_what_does_not_stop(now, actions);
         let deadline = now + self.policy.stop_deadline;
         for it in &mut self.processes {
             match it.state {

@@ -150,11 +150,13 @@ impl<'a> Supervisor<'a> {
             self.wait()?;
             self.sit_out_full_memory()?;
             self.domain.refresh();
-            changed = self.take_stop_requests()?;
-            changed |= self.take_heartbeats()?;
+            // However long the supervisor itself could not look: what waits by now was said in time.
+            let now = self.now();
+            changed = self.take_heartbeats()?;
+            changed |= self.take_stop_requests()?;
             self.take_summary(on_report)?;
             changed |= self.take_output_and_exits()?;
-            changed |= self.feed(Event::Tick)?;
+            changed |= self.feed_at(Event::Tick, now)?;
             self.watch_the_guard();
         }
         self.take_summary(on_report)?;
@@ -187,35 +189,42 @@ impl<'a> Supervisor<'a> {
 
     /// Feeds an event and everything that follows from it; whether anything followed.
     fn feed(&mut self, event: Event) -> Result<bool, RunError> {
-        let mut events = VecDeque::from([event]);
+        self.feed_at(event, self.now())
+    }
+
+    /// As [`Supervisor::feed`], an event of this time.
+    fn feed_at(&mut self, event: Event, at: Duration) -> Result<bool, RunError> {
+        let mut events = VecDeque::from([(event, at)]);
         let mut acted = false;
-        while let Some(event) = events.pop_front() {
-            for action in self.deployment.step(event, self.now()) {
+        while let Some((event, at)) = events.pop_front() {
+            for action in self.deployment.step(event, at) {
                 acted = true;
-                self.act(action, &mut events)?;
+                let follows = self.act(action)?;
+                events.extend(follows.map(|event| (event, self.now())));
             }
         }
         Ok(acted)
     }
 
-    fn act(&mut self, action: Action, events: &mut VecDeque<Event>) -> Result<(), RunError> {
+    /// Does what is to be done; what follows from it.
+    fn act(&mut self, action: Action) -> Result<Option<Event>, RunError> {
         match action {
             Action::Spawn { process, incarnation } => match self.spawn(process, incarnation) {
                 Ok(child) => {
                     self.vitals[process].begin(self.started.elapsed());
                     self.children[process] = Some(child);
                 }
-                Err(error) => events.push_back(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) }),
+                Err(error) => return Ok(Some(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) })),
             },
             Action::Terminate(process) => self.signal(process, Signal::TERM),
             Action::Kill(process) => self.signal(process, Signal::KILL),
             Action::Rebuild => {
                 self.rebuild_domain()?;
-                events.push_back(Event::Rebuilt);
+                return Ok(Some(Event::Rebuilt));
             }
             Action::Tell(notice) => self.ports.as_mut().map_or(Ok(()), |ports| ports.log.tell(&notice, &self.deployment))?,
         }
-        Ok(())
+        Ok(None)
     }
 
     fn rebuild_domain(&mut self) -> Result<(), RunError> {

@@ -105,6 +105,23 @@ fn a_hung_process_is_killed_and_restarted() {
 }
 
 #[test]
+fn a_supervisor_that_could_not_look_for_long_takes_nobody_for_hung_who_was_heard() {
+    let mut it = running_demo();
+    for process in 0..4 {
+        assert_eq!(commands(&it.step(heartbeat(process, 0), ms(60_000))), [], "what waited is heard one by one");
+    }
+    assert_eq!(commands(&it.step(Event::Tick, ms(60_000))), []);
+    // Nor for who does not stop, when its end waits to be seen.
+    assert_eq!(commands(&it.step(exited(3, Exit::Finished), ms(60_100))), [Action::Terminate(2)]);
+    assert_eq!(commands(&it.step(heartbeat(0, 0), ms(120_000))), []);
+    assert_eq!(commands(&it.step(exited(2, Exit::Finished), ms(120_000))), []);
+    assert_eq!(it.processes()[2].state(), &State::Finished);
+    assert_eq!(commands(&it.step(heartbeat(1, 1), ms(120_000))), [], "nor does the drain end before all was heard");
+    assert_eq!(commands(&it.step(Event::Tick, ms(120_000))), []);
+    assert_eq!(it.processes()[1].state(), &State::Running { heard: ms(120_000) });
+}
+
+#[test]
 fn a_process_that_never_lives_is_killed_at_its_startup_deadline() {
     let mut it = demo();
     it.step(Event::Tick, ms(0));
