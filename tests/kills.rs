@@ -7,8 +7,9 @@ use std::path::Path;
 
 use drivelog::{Ending, Entry, Log, Outcome, Preamble, Recording};
 use harness::replays::{Watched, children, replay_settings, sha256_of};
-use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256};
+use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256, signal, text};
 use messages::{Pose, SonarReading, SonarScan};
+use rustix::process::Signal;
 
 const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
 
@@ -18,24 +19,30 @@ fn start(bench: &Bench) -> Run {
     Run::start(bench.stillmap(["run", settings.to_str().unwrap(), "--speed", "10", "--out", out.to_str().unwrap()]))
 }
 
-/// Kills the process in mid-drive and looks at what came of it; the hash of the map.
 #[track_caller]
 fn survives_the_kill_of(process: &str, bench: &Bench) -> String {
+    survives(Signal::KILL, process, bench).0
+}
+
+/// Sends the process a signal in mid-drive and looks at what came of it; the hash of the map, and what was said.
+#[track_caller]
+fn survives(deadly: Signal, process: &str, bench: &Bench) -> (String, String) {
     let run = start(bench);
     bench.wait_for("mapping", "it has taken 150 scans", |mapping| mapping["received"].as_u64() > Some(150));
     bench.remember_domain();
     let before = bench.wait_for(process, "it runs", |it| it["state"] == "running" && it["pid"].is_u64());
-    kill(before["pid"].as_u64().unwrap());
+    signal(before["pid"].as_u64().unwrap(), deadly);
     let after = bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
     assert_ne!(after["pid"], before["pid"]);
-    let driven = map_sha256(&run.end());
+    let ended = run.end();
+    let driven = map_sha256(&ended);
     let map = PgmMap::read(&bench.path("out"));
     // The right wall before the kill and the left wall long after it, in the map frame.
     assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "what was mapped before the kill is there");
     assert!(map.wall_share([6.9, 1.2], [8.6, 1.2], 0.1) > 0.8, "the drive went on after it");
     assert!(map.count(OCCUPIED) > 300);
     assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
-    driven
+    (driven, text(&ended.stderr))
 }
 
 #[test]
@@ -43,6 +50,20 @@ fn mapping_and_the_map_is_that_of_the_log() {
     let bench = Bench::new();
     let driven = survives_the_kill_of("mapping", &bench);
     assert_eq!(replayed(&bench), driven);
+}
+
+#[test]
+fn mapping_that_somebody_tells_to_stop() {
+    let bench = Bench::new();
+    let (driven, said) = survives(Signal::TERM, "mapping", &bench);
+    assert!(said.contains("was told to stop (SIGTERM), not by the supervisor; starts again"), "{said}");
+    assert_eq!(replayed(&bench), driven);
+}
+
+#[test]
+fn pioneer_that_somebody_interrupts_ends_no_stream() {
+    let (_, said) = survives(Signal::INT, "pioneer", &Bench::new());
+    assert!(said.contains("was told to stop (SIGINT), not by the supervisor; starts again"), "{said}");
 }
 
 #[test]

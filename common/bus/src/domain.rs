@@ -256,6 +256,7 @@ impl Domain {
             routed: self.routed.clone(),
             state: self.state.folder().to_owned(),
             start: self.state.start(),
+            supervisor: std::process::id(),
         }
     }
 

@@ -18,6 +18,7 @@ const SETTINGS: &str = "STILLMAP_SETTINGS";
 const ROUTE: &str = "STILLMAP_ROUTE";
 const STATE: &str = "STILLMAP_STATE";
 const START: &str = "STILLMAP_START";
+const SUPERVISOR: &str = "STILLMAP_SUPERVISOR";
 
 /// The place of a process in its deployment.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +35,8 @@ pub struct Membership {
     pub(crate) state: PathBuf,
     /// How many times the run was started before.
     pub(crate) start: u32,
+    /// Process id of the supervisor: who else asks to stop is not obeyed in order.
+    pub(crate) supervisor: u32,
 }
 
 /// An environment that no supervisor made.
@@ -81,6 +84,7 @@ impl Membership {
         let run = text(RUN)?;
         let incarnation = text(INCARNATION)?;
         let start = text(START)?;
+        let supervisor = text(SUPERVISOR)?;
         let clock = text(CLOCK)?;
         let clock_parts: Option<DeploymentClock> = (|| {
             let mut parts = clock.split(':');
@@ -97,6 +101,7 @@ impl Membership {
             routed: text(ROUTE)?.split(',').filter(|name| !name.is_empty()).map(str::to_owned).collect(),
             state: path(STATE)?,
             start: start.parse().map_err(|_| malformed(START, &start, "a number"))?,
+            supervisor: supervisor.parse().map_err(|_| malformed(SUPERVISOR, &supervisor, "a process id"))?,
         })
     }
 
@@ -114,6 +119,7 @@ impl Membership {
             (ROUTE, OsString::from(self.routed.join(","))),
             (STATE, self.state.clone().into_os_string()),
             (START, OsString::from(self.start.to_string())),
+            (SUPERVISOR, OsString::from(self.supervisor.to_string())),
         ]
     }
 
@@ -180,6 +186,7 @@ mod tests {
             routed: vec!["robot/scan".to_owned(), "map/verdict".to_owned()],
             state: "/home/robot/out/state".into(),
             start: 2,
+            supervisor: 4242,
         }
     }
 
@@ -201,7 +208,7 @@ mod tests {
             .expect_err("one is missing");
             assert!(error.to_string().contains(missing), "{error}");
         }
-        for malformed in [RUN, INCARNATION, CLOCK, START] {
+        for malformed in [RUN, INCARNATION, CLOCK, START, SUPERVISOR] {
             let error = Membership::from_lookup(|key| {
                 told.iter()
                     .find(|(name, _)| *name == key)

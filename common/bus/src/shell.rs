@@ -145,7 +145,7 @@ impl Shell {
     /// # Errors
     /// When the domain is gone, broken, or of another version.
     pub fn join(membership: Membership) -> Result<Self, RunError> {
-        let signals = Signals::install()?;
+        let signals = Signals::install(membership.supervisor)?;
         let paths = DomainPaths::of_directory(membership.directory())
             .ok_or_else(|| DomainError::NoDomain { name: membership.directory().display().to_string() })?;
         let member = join_members(&paths)?;

@@ -15,14 +15,20 @@ pub struct Signals {
 }
 
 impl Signals {
-    /// Takes over SIGINT and SIGTERM of this process.
+    /// Takes over SIGINT and SIGTERM of this process, as far as they come from the process `supervisor`.
+    ///
+    /// From anybody else they end it at once, as if it had no handler: who is told so by the supervisor ends its streams, and others
+    /// then finish, too, while the run is to go on. A child that ends by a signal is started again, and goes on from its checkpoint.
     ///
     /// # Errors
     /// When the handlers cannot be installed.
-    pub fn install() -> io::Result<Self> {
+    pub fn install(supervisor: u32) -> io::Result<Self> {
         let (requests, write) = UnixStream::pair()?;
         requests.set_nonblocking(true)?;
         let interrupt = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            end_unless_from(supervisor, signal)?;
+        }
         signal_hook::flag::register(SIGINT, interrupt.clone())?;
         signal_hook::low_level::pipe::register(SIGINT, write.try_clone()?)?;
         signal_hook::low_level::pipe::register(SIGTERM, write)?;
@@ -31,7 +37,7 @@ impl Signals {
         Ok(Self { requests, last: None, interrupt })
     }
 
-    /// The signal that asked this process to stop, if one came.
+    /// The signal by which the supervisor asked this process to stop, if one came.
     pub fn requested(&mut self) -> Option<i32> {
         let mut byte = [0];
         while matches!(self.requests.read(&mut byte), Ok(1)) {
@@ -46,4 +52,20 @@ impl AsFd for Signals {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.requests.as_fd()
     }
+}
+
+/// Gives a signal its default action when another process than `supervisor` has sent it; else the handlers after this one follow.
+#[expect(unsafe_code, reason = "who has sent a signal is known in its handler only")]
+fn end_unless_from(supervisor: u32, signal: i32) -> io::Result<()> {
+    // SAFETY: the handler compares two numbers and makes system calls that are async-signal-safe; it allocates nothing, takes no lock
+    // and does not panic. Both signals come from kill(2) and its kin, which tell the sender, or from a terminal, which tells 0.
+    let registered = unsafe {
+        signal_hook_registry::register_sigaction(signal, move |info| {
+            if u32::try_from(info.si_pid()) != Ok(supervisor) {
+                // Returns for no signal that ends a process.
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+            }
+        })
+    };
+    registered.map(drop)
 }

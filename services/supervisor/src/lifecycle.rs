@@ -52,6 +52,9 @@ impl std::fmt::Display for Exit {
             Self::Code(code) => write!(f, "ended with exit code {code}"),
             // What is mapped and cannot be had: all but always shared memory that is used up.
             Self::Signal(7) => write!(f, "was killed by signal 7 (bus error), as whoever writes when /dev/shm is full"),
+            Self::Signal(1) => write!(f, "was told to stop (SIGHUP), not by the supervisor"),
+            Self::Signal(2) => write!(f, "was told to stop (SIGINT), not by the supervisor"),
+            Self::Signal(15) => write!(f, "was told to stop (SIGTERM), not by the supervisor"),
             Self::Signal(number) => write!(f, "was killed by signal {number}"),
             Self::NotStarted(why) => write!(f, "could not be started: {why}"),
         }

@@ -81,6 +81,18 @@ fn a_dead_process_is_back_after_its_delay() {
 }
 
 #[test]
+fn who_is_told_to_stop_by_somebody_else_starts_again() {
+    let mut it = running_demo();
+    for (process, signal, word) in [(0, 1, "SIGHUP"), (1, 15, "SIGTERM"), (2, 2, "SIGINT")] {
+        let actions = it.step(exited(process, Exit::Signal(signal)), ms(100));
+        let [Notice::Restarting { process: of, cause, .. }] = &notices(&actions)[..] else { panic!("{actions:?}") };
+        assert_eq!((*of, cause.as_str()), (process, format!("was told to stop ({word}), not by the supervisor").as_str()));
+    }
+    it.step(exited(3, Exit::Finished), ms(110));
+    assert_eq!(it.ending(), Some(Ending::Complete));
+}
+
+#[test]
 fn a_hung_process_is_killed_and_restarted() {
     let mut it = running_demo();
     for at in [1000, 2005] {
