@@ -13,7 +13,8 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::ipc;
 use messages::{
     CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
-    Payload, PlaybackControl, Progress, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
+    Payload, Pictures, PlaybackControl, Progress, Service, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook,
+    Walkers, WayChunk,
 };
 use rustix::fs::{FlockOperation, flock};
 
@@ -98,11 +99,14 @@ pub enum DomainError {
     Bus(#[from] BusError),
 }
 
+/// A service, and what keeps it in being.
+type Held = (Service, Box<dyn std::any::Any>);
+
 /// The supervisor's hold on a domain: the lock, the folder and every service.
 pub struct Domain {
     paths: DomainPaths,
     fabric: Option<Fabric>,
-    services: Vec<Box<dyn std::any::Any>>,
+    services: Vec<Held>,
     writers: Vec<Rc<dyn Refresh>>,
     listeners: Vec<Rc<Listener<ipc::Service>>>,
     clock: DeploymentClock,
@@ -189,7 +193,7 @@ impl Domain {
         make_private(&self.paths.directory).map_err(io)?;
         make_private(&self.paths.root()).map_err(io)?;
         let fabric = Fabric::join(&self.paths, "supervisor")?;
-        let mut services: Vec<Box<dyn std::any::Any>> = Vec::new();
+        let mut services: Vec<Held> = Vec::new();
         let routed = &self.routed;
         hold::<SonarScan>(&fabric, routed, &mut services)?;
         hold::<SonarMotion>(&fabric, routed, &mut services)?;
@@ -207,10 +211,10 @@ impl Domain {
         hold::<PlaybackControl>(&fabric, routed, &mut services)?;
         hold::<TruthScan>(&fabric, routed, &mut services)?;
         hold::<TruthSurfaces>(&fabric, routed, &mut services)?;
-        services.push(Box::new(fabric.create_pictures::<CameraFrame>()?));
-        services.push(Box::new(fabric.create_pictures::<CameraMask>()?));
-        services.push(Box::new(fabric.create_pictures::<CameraBackground>()?));
-        services.push(Box::new(fabric.create_pictures::<TruthMask>()?));
+        hold_pictures::<CameraFrame>(&fabric, &mut services)?;
+        hold_pictures::<CameraMask>(&fabric, &mut services)?;
+        hold_pictures::<CameraBackground>(&fabric, &mut services)?;
+        hold_pictures::<TruthMask>(&fabric, &mut services)?;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         self.services = services;
         self.fabric = Some(fabric);
@@ -280,6 +284,12 @@ impl Domain {
         Ok(writer)
     }
 
+    /// Whether what is sent on the service of this name is a numbered stream, of which every message counts.
+    #[must_use]
+    pub fn is_sequenced(&self, service: &str) -> bool {
+        self.services.iter().any(|(held, _)| held.name == service && held.sequenced)
+    }
+
     /// Descriptors that become readable when a message waits on an input of the supervisor.
     #[must_use]
     pub fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
@@ -318,11 +328,16 @@ impl Domain {
     }
 }
 
-fn hold<T: Payload>(fabric: &Fabric, routed: &[String], services: &mut Vec<Box<dyn std::any::Any>>) -> Result<(), BusError> {
-    services.push(Box::new(fabric.create::<T>(Channel::Open)?));
+fn hold<T: Payload>(fabric: &Fabric, routed: &[String], services: &mut Vec<Held>) -> Result<(), BusError> {
+    services.push((T::SERVICE, Box::new(fabric.create::<T>(Channel::Open)?)));
     if routed.iter().any(|name| name == T::SERVICE.name) {
-        services.push(Box::new(fabric.create::<T>(Channel::Tapped)?));
+        services.push((T::SERVICE, Box::new(fabric.create::<T>(Channel::Tapped)?)));
     }
+    Ok(())
+}
+
+fn hold_pictures<P: Pictures>(fabric: &Fabric, services: &mut Vec<Held>) -> Result<(), BusError> {
+    services.push((P::SERVICE, Box::new(fabric.create_pictures::<P>()?)));
     Ok(())
 }
 

@@ -83,6 +83,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
         lockstep: settings.pace == Pace::Lockstep,
         scans_ended_at: None,
         shown_at: None,
+        news: true,
         missed: [Missed::default(); 2],
         missed_after_ns: (MISSED_S * speed * 1e9) as u64,
         counts: Counts::default(),
@@ -133,6 +134,8 @@ struct Integration {
     lockstep: bool,
     scans_ended_at: Option<Instant>,
     shown_at: Option<Instant>,
+    /// Something came that the last outlook does not tell of.
+    news: bool,
     /// Whether the motion of sonars and camera is missed.
     missed: [Missed; 2],
     /// A stream this much older than the newest scan is missed, ns of sensor time.
@@ -172,6 +175,7 @@ impl Integration {
             if !take(self)? {
                 return Ok(false);
             }
+            self.news = true;
         }
         Ok(true)
     }
@@ -242,14 +246,19 @@ impl Integration {
         Ok(())
     }
 
-    /// Sends the verdicts to come as they stand, when it is time.
+    /// Sends the verdicts to come as they stand, when something came and it is time.
     fn show(&mut self) -> Result<Next, StepError> {
+        if !self.news {
+            return Ok(Next::Wait);
+        }
         let due_in = self.shown_at.map_or(Duration::ZERO, |at| OUTLOOK_PERIOD.saturating_sub(at.elapsed()));
         if due_in.is_zero() {
             self.outlook.send(self.place.scan, self.place.scan_ns, &self.fti.outlook())?;
             self.shown_at = Some(Instant::now());
+            self.news = false;
+            return Ok(Next::Wait);
         }
-        Ok(Next::WaitAtMost(if due_in.is_zero() { OUTLOOK_PERIOD } else { due_in }))
+        Ok(Next::WaitAtMost(due_in))
     }
 
     /// Whether every verdict has been given, or what is missing does not come any more.

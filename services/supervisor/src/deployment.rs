@@ -300,7 +300,11 @@ impl Deployment {
         self.start_again(now, actions);
         let quiet = ticks && now >= quiet_since + self.policy.stop_deadline;
         let too_long = ticks && now >= began + self.policy.stop_deadline * LONGEST_DRAIN;
-        if quiet || too_long || self.processes.iter().all(Lifecycle::is_over) {
+        let over = self.processes.iter().all(Lifecycle::is_over);
+        if too_long && !quiet && !over {
+            actions.push(Action::Tell(Notice::Restless { after: now - began }));
+        }
+        if quiet || too_long || over {
             self.phase = Phase::Stopping;
         }
     }

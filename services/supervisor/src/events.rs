@@ -6,11 +6,11 @@ use std::time::Duration;
 /// What the supervisor learns.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// A process gave a sign of life; `work` is the number of messages it has taken and sent.
+    /// A process gave a sign of life; `work` is the number of messages it has taken from numbered streams.
     Heartbeat {
         /// Its place in the start order.
         process: usize,
-        /// Messages taken and sent.
+        /// Messages taken from numbered streams.
         work: u64,
     },
     /// The child of a process is gone and has been waited for.
@@ -86,6 +86,11 @@ pub enum Notice {
     },
     /// The run ends.
     Ends(Ending),
+    /// What is being finished moves on without end; it is stopped.
+    Restless {
+        /// Since the run began to end.
+        after: Duration,
+    },
     /// The shared memory is broken; everything starts again.
     Rebuilds,
 }

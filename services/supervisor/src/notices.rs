@@ -83,6 +83,9 @@ fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
         Notice::Finished { process } => (name(*process), info("finished".to_owned())),
         Notice::Failed { process, cause } => (name(*process), error(format!("failed: {cause}"))),
         Notice::Rebuilds => (SUPERVISOR, warning("the shared memory is broken; everything starts again from its checkpoints".to_owned())),
+        Notice::Restless { after } => {
+            (SUPERVISOR, warning(format!("what is being finished still moves after {:.0} s; it is stopped", after.as_secs_f64())))
+        }
         Notice::Ends(ending) => {
             let line = match *ending {
                 Ending::Complete => info("the drive has ended; what it left is being finished".to_owned()),

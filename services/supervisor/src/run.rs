@@ -322,7 +322,7 @@ impl<'a> Supervisor<'a> {
                 if heartbeat.phase == Phase::Starting as u32 {
                     continue;
                 }
-                let work = self.vitals[process].work();
+                let work = self.vitals[process].work(|service| self.domain.is_sequenced(service));
                 changed |= self.feed(Event::Heartbeat { process, work })?;
             }
         }

@@ -64,9 +64,9 @@ impl Vitals {
         self.mark = mark;
     }
 
-    /// Messages taken and sent by the present child.
-    pub(crate) fn work(&self) -> u64 {
-        self.received() + self.sent()
+    /// Messages that the present child has taken from streams that end. Everything else may be said for ever, although nothing moves.
+    pub(crate) fn work(&self, is_sequenced: impl Fn(&str) -> bool) -> u64 {
+        self.inputs().filter(|input| is_sequenced(input.service.as_str())).map(|input| input.received).sum()
     }
 
     /// The process as the supervisor tells of it; `pid` 0 when no child runs.
@@ -159,6 +159,21 @@ mod tests {
         assert_eq!((status.received_per_s, status.sent_per_s, status.cpu), (50.0, 20.0, 0.25));
         assert_eq!((status.resident_bytes, status.heartbeat_age_ms, status.pid), (3 * 4096, 2000, 7));
         assert_eq!(status.note.as_str(), "refused 2 of map/verdict; searching");
+    }
+
+    #[test]
+    fn what_is_said_although_nothing_moves_is_no_work() {
+        let mut vitals = Vitals::default();
+        let is_sequenced = |service: &str| service == "map/verdict";
+        let mut idle = heartbeat(10, 5);
+        vitals.hear(&idle, Duration::from_secs(1));
+        assert_eq!(vitals.work(is_sequenced), 1);
+        (idle.inputs[0].received, idle.sent) = (20, 10);
+        vitals.hear(&idle, Duration::from_secs(2));
+        assert_eq!(vitals.work(is_sequenced), 1);
+        idle.inputs[1].received = 2;
+        vitals.hear(&idle, Duration::from_secs(3));
+        assert_eq!(vitals.work(is_sequenced), 2);
     }
 
     #[test]

@@ -249,6 +249,20 @@ fn consumers_that_work_on_are_waited_for_and_idle_ones_are_stopped_in_reverse_or
 }
 
 #[test]
+fn what_moves_without_end_is_stopped_and_that_is_said() {
+    let mut it = running_demo();
+    it.step(exited(3, Exit::Finished), ms(100));
+    it.step(exited(2, Exit::Finished), ms(100));
+    for i in 1..120 {
+        it.step(heartbeat(0, 0), ms(100 + i * 1000));
+        it.step(heartbeat(1, i), ms(100 + i * 1000));
+        assert_eq!(it.step(Event::Tick, ms(100 + i * 1000)), [], "after {i} s");
+    }
+    let actions = it.step(Event::Tick, ms(120_100));
+    assert_eq!(actions, [Action::Tell(Notice::Restless { after: ms(120_000) }), Action::Terminate(1)]);
+}
+
+#[test]
 fn asking_again_hurries() {
     let mut it = running_demo();
     assert_eq!(commands(&it.step(Event::StopAsked, ms(100))), [Action::Terminate(3), Action::Terminate(2)]);
