@@ -9,6 +9,8 @@ use std::time::Duration;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Vitals {
     heartbeat: Option<(Duration, Heartbeat)>,
+    /// What its children before the present one did not get.
+    missed_before: Vec<Missed>,
     mark: Mark,
     received_per_s: f64,
     sent_per_s: f64,
@@ -25,6 +27,14 @@ struct Mark {
     ticks: u64,
 }
 
+/// What did not get through on a service.
+#[derive(Debug, Clone, Copy)]
+struct Missed {
+    service: Text<32>,
+    lost: u64,
+    refused: u64,
+}
+
 /// What the machine counts in.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MachineUnits {
@@ -38,9 +48,9 @@ impl Vitals {
         self.heartbeat = Some((now, *heartbeat));
     }
 
-    /// A new child counts from zero.
+    /// A new child counts from zero; what did not get through to those before it stays told.
     pub(crate) fn begin(&mut self, now: Duration) {
-        *self = Self { mark: Mark { at: now, ..Mark::default() }, ..Self::default() };
+        *self = Self { mark: Mark { at: now, ..Mark::default() }, missed_before: self.missed(), ..Self::default() };
     }
 
     /// No child, no use of the machine.
@@ -72,7 +82,8 @@ impl Vitals {
     /// The process as the supervisor tells of it; `pid` 0 when no child runs.
     pub(crate) fn status(&self, lifecycle: &Lifecycle, pid: u32, now: Duration) -> ProcessStatus {
         let last = self.heartbeat.as_ref().map(|(_, heartbeat)| heartbeat);
-        let note = if lifecycle.cause().is_empty() { self.note() } else { Text::new(lifecycle.cause()) };
+        let missed = self.missed();
+        let note = if lifecycle.cause().is_empty() { self.note(&missed) } else { Text::new(lifecycle.cause()) };
         let age = self.heartbeat.as_ref().map(|(at, _)| now.saturating_sub(*at).as_millis() as u64);
         let counters_count = last.map_or(0, |h| h.counters_count);
         let busiest = self.inputs().filter(|input| input.latency_p99_us > 0).max_by_key(|input| input.received);
@@ -81,8 +92,8 @@ impl Vitals {
             note,
             heartbeat_age_ms: age.unwrap_or(u64::MAX),
             received: self.received(),
-            lost: self.inputs_sum(|input| input.lost),
-            refused: self.inputs_sum(|input| input.refused),
+            lost: missed.iter().fold(0, |sum, of| sum.saturating_add(of.lost)),
+            refused: missed.iter().fold(0, |sum, of| sum.saturating_add(of.refused)),
             sent: self.sent(),
             received_per_s: self.received_per_s,
             sent_per_s: self.sent_per_s,
@@ -99,28 +110,36 @@ impl Vitals {
     }
 
     /// What the process says, behind what it had to refuse: that is somebody else's fault, and nobody else tells it.
-    fn note(&self) -> Text<128> {
-        let Some((_, heartbeat)) = &self.heartbeat else { return Text::default() };
-        let inputs = heartbeat.inputs.iter().take(heartbeat.inputs_count as usize);
-        let mut words: Vec<String> =
-            inputs.filter(|input| input.refused > 0).map(|input| format!("refused {} of {}", input.refused, input.service)).collect();
+    fn note(&self, missed: &[Missed]) -> Text<128> {
+        let note = self.heartbeat.as_ref().map(|(_, heartbeat)| heartbeat.note).unwrap_or_default();
+        let refused = missed.iter().filter(|of| of.refused > 0).map(|of| format!("refused {} of {}", of.refused, of.service));
+        let mut words: Vec<String> = refused.collect();
         if words.is_empty() {
-            return heartbeat.note;
+            return note;
         }
-        words.extend(Some(heartbeat.note.to_string()).filter(|note| !note.is_empty()));
+        words.extend(Some(note.to_string()).filter(|note| !note.is_empty()));
         Text::new(&words.join("; "))
+    }
+
+    /// What did not get through to any of its children.
+    fn missed(&self) -> Vec<Missed> {
+        let mut missed = self.missed_before.clone();
+        let short = self.inputs().filter(|input| input.lost > 0 || input.refused > 0);
+        for &InputCounters { service, lost, refused, .. } in short {
+            match missed.iter_mut().find(|of| of.service == service) {
+                Some(of) => (of.lost, of.refused) = (of.lost.saturating_add(lost), of.refused.saturating_add(refused)),
+                None => missed.push(Missed { service, lost, refused }),
+            }
+        }
+        missed
     }
 
     fn inputs(&self) -> impl Iterator<Item = &InputCounters> {
         self.heartbeat.iter().flat_map(|(_, h)| h.inputs.iter().take(h.inputs_count as usize))
     }
 
-    fn inputs_sum(&self, count: impl Fn(&InputCounters) -> u64) -> u64 {
-        self.inputs().map(count).sum()
-    }
-
     fn received(&self) -> u64 {
-        self.inputs_sum(|input| input.received)
+        self.inputs().map(|input| input.received).sum()
     }
 
     fn sent(&self) -> u64 {
@@ -159,6 +178,26 @@ mod tests {
         assert_eq!((status.received_per_s, status.sent_per_s, status.cpu), (50.0, 20.0, 0.25));
         assert_eq!((status.resident_bytes, status.heartbeat_age_ms, status.pid), (3 * 4096, 2000, 7));
         assert_eq!(status.note.as_str(), "refused 2 of map/verdict; searching");
+    }
+
+    #[test]
+    fn what_did_not_get_through_stays_told_when_the_process_starts_again() {
+        let mut vitals = Vitals::default();
+        let told = |vitals: &Vitals| {
+            let status = vitals.status(&lifecycle(), 0, Duration::from_secs(9));
+            (status.received, status.lost, status.refused, status.note.to_string())
+        };
+        vitals.hear(&heartbeat(7, 0), Duration::from_secs(1));
+        vitals.begin(Duration::from_secs(2));
+        assert_eq!(told(&vitals), (0, 3, 2, "refused 2 of map/verdict".to_owned()));
+        vitals.hear(&heartbeat(9, 0), Duration::from_secs(3));
+        assert_eq!(told(&vitals), (10, 6, 4, "refused 4 of map/verdict; searching".to_owned()));
+        vitals.end();
+        vitals.begin(Duration::from_secs(4));
+        let mut other = heartbeat(1, 0);
+        other.inputs[1].service = Text::new("robot/scan");
+        vitals.hear(&other, Duration::from_secs(5));
+        assert_eq!(told(&vitals), (2, 9, 6, "refused 4 of map/verdict; refused 2 of robot/scan; searching".to_owned()));
     }
 
     #[test]
