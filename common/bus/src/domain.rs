@@ -302,7 +302,8 @@ impl Domain {
         self.writers.iter().for_each(|writer| writer.refresh());
     }
 
-    /// Removes what dead processes have left on the bus; to be called after each `waitpid`. Returns how many nodes were dead.
+    /// Removes what dead processes have left on the bus; to be called after each `waitpid`, and now and then for
+    /// visitors. Returns how many nodes were dead.
     pub fn remove_the_dead(&self) -> usize {
         self.fabric.as_ref().map_or(0, Fabric::remove_the_dead)
     }

@@ -370,6 +370,8 @@ impl<'a> Supervisor<'a> {
             if let Err(error) = self.domain.note_time() {
                 tracing::debug!("{error}");
             }
+            // A visitor is nobody's child: nothing else tells that it was killed.
+            self.domain.remove_the_dead();
             for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
                 if let Some(child) = child {
                     vitals.sample(child.usage(), self.units, now);

@@ -9,12 +9,14 @@
     reason = "tests fail by panicking and say what they do"
 )]
 
-use bus::{Context, Membership, Next, Process, Shell, StepError};
+use bus::{Context, Membership, Next, Process, Received, RunningDomain, Shell, StepError, Tool};
 use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
+use rustix::process::{Pid, Signal, kill_process};
 use settings::Settings;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
-use std::time::Duration;
+use std::process::{ExitCode, Stdio};
+use std::time::{Duration, Instant};
 use stillmap_supervisor::{Ending, Options, Outcome, Report, guard, run};
 
 fn main() -> ExitCode {
@@ -27,9 +29,11 @@ fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         ["supervise", text] => {
-            run(&Settings::parse("test", text).unwrap(), &options(), &mut |_| {}).unwrap();
+            let outcome = run(&Settings::parse("test", text).unwrap(), &options(), &mut |_| {}).unwrap();
+            outcome.processes.iter().for_each(|it| println!("{} was started again {} times", it.name, it.restarts));
             ExitCode::SUCCESS
         }
+        ["visit", name] => visit(name),
         // A filter or an option of the usual harness: there is nothing to choose.
         _ => all_tests(),
     }
@@ -48,6 +52,8 @@ const TESTS: &[(&str, fn())] = &[
     ("a_process_that_never_joins_fails", a_process_that_never_joins_fails),
     ("nonsense_is_refused_and_named", nonsense_is_refused_and_named),
     ("a_flood_of_messages_stops_nobody", a_flood_of_messages_stops_nobody),
+    ("who_was_heard_while_the_supervisor_stood_still_does_not_hang", who_was_heard_while_the_supervisor_stood_still_does_not_hang),
+    ("visitors_that_were_killed_take_no_place_for_long", visitors_that_were_killed_take_no_place_for_long),
     ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
 ];
 
@@ -76,6 +82,8 @@ fn left_in(folder: &Path) -> Vec<PathBuf> {
 fn options() -> Options {
     Options { speed: 1.0, executable: std::env::current_exe().unwrap(), state: None, fresh: false }
 }
+
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// A deployment of children, in start order, of which the last ends the run.
 fn settings(behaviours: &[&str]) -> String {
@@ -193,17 +201,105 @@ fn a_flood_of_messages_stops_nobody() {
     assert_eq!((outcome.exit_code(), restarts(&outcome, "listens"), restarts(&outcome, "floods-the-bus")), (0, 0, 0));
 }
 
+/// A supervisor of its own, with a deployment that runs until it is told to end.
+fn start(text: &str) -> std::process::Child {
+    let mut command = std::process::Command::new(std::env::current_exe().unwrap());
+    command.args(["supervise", text]).stdout(Stdio::piped()).spawn().unwrap()
+}
+
+fn runtime() -> PathBuf {
+    PathBuf::from(std::env::var_os("STILLMAP_RUNTIME_DIR").unwrap())
+}
+
+fn signal(child: &std::process::Child, signal: Signal) {
+    kill_process(Pid::from_child(child), signal).unwrap();
+}
+
+fn who_was_heard_while_the_supervisor_stood_still_does_not_hang() {
+    let supervisor = start(&settings(&["waits", "waits-too", "runs"]));
+    wait_until(|| runtime().join("test").join("runs-is-up").exists());
+    signal(&supervisor, Signal::STOP);
+    // Longer than anybody may be silent.
+    let stopped = Instant::now();
+    wait_until(|| stopped.elapsed() > 3 * HEARTBEAT_TIMEOUT);
+    signal(&supervisor, Signal::CONT);
+    signal(&supervisor, Signal::TERM);
+    let ended = supervisor.wait_with_output().unwrap();
+    let said = String::from_utf8(ended.stdout).unwrap();
+    assert_eq!(said.matches(" was started again 0 times").count(), 3, "{said}");
+}
+
+/// A visitor of the deployment of this name: says whether it found a place, and keeps it.
+fn visit(name: &str) -> ExitCode {
+    let domain = RunningDomain::all().unwrap().into_iter().find(|it| it.name() == name).unwrap();
+    let mut tool = Tool::join(&domain).unwrap();
+    let place = tool.reader::<DeploymentStatus>();
+    println!("{}", if place.is_ok() { "in" } else { "refused" });
+    wait_until(|| false);
+    ExitCode::SUCCESS
+}
+
+/// A visitor, and whether it found a place.
+fn visitor() -> (std::process::Child, bool) {
+    let mut command = std::process::Command::new(std::env::current_exe().unwrap());
+    let mut child = command.args(["visit", "test"]).stdout(Stdio::piped()).spawn().unwrap();
+    let mut said = String::new();
+    BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut said).unwrap();
+    (child, said == "in\n")
+}
+
+fn visitors_that_were_killed_take_no_place_for_long() {
+    let mut supervisor = start(&settings(&["waits", "runs"]));
+    wait_until(|| runtime().join("test").join("runs-is-up").exists());
+    let domain = RunningDomain::all().unwrap().pop().unwrap();
+    let mut tool = Tool::join(&domain).unwrap();
+    let mut statuses = tool.reader::<DeploymentStatus>().unwrap();
+    let mut uptime_ms_from = |least_ms: u64| loop {
+        tool.wait(Duration::from_secs(1)).unwrap();
+        while let Some(received) = statuses.take().unwrap() {
+            if let Received::Message(status) = received {
+                if status.uptime_ms >= least_ms {
+                    return status.uptime_ms;
+                }
+            }
+        }
+    };
+    let mut visitors = vec![];
+    while visitors.last().is_none_or(|(_, is_in)| *is_in) {
+        visitors.push(visitor());
+    }
+    for (mut visitor, _) in visitors {
+        visitor.kill().unwrap();
+        visitor.wait().unwrap();
+    }
+    // The supervisor looks once a second: whenever that was, it has looked when two more are over.
+    let killed_ms = uptime_ms_from(0);
+    let _ = uptime_ms_from(killed_ms + 2_000);
+    let (mut visitor, is_in) = visitor();
+    visitor.kill().unwrap();
+    visitor.wait().unwrap();
+    assert!(is_in, "the places of killed visitors are taken");
+    drop((statuses, tool));
+    signal(&supervisor, Signal::TERM);
+    supervisor.wait().unwrap();
+}
+
 fn nothing_outlives_a_killed_supervisor() {
-    let runtime = PathBuf::from(std::env::var_os("STILLMAP_RUNTIME_DIR").unwrap());
-    let mut supervisor =
-        std::process::Command::new(std::env::current_exe().unwrap()).args(["supervise", &settings(&["waits", "runs"])]).spawn().unwrap();
-    let up = runtime.join("test").join("runs-is-up");
+    let up = runtime().join("test").join("runs-is-up");
+    is_gone_with_its_supervisor(&settings(&["waits", "runs"]), &up);
+}
+
+/// Kills the supervisor once there is a file with the id of a process that is to die of it.
+fn is_gone_with_its_supervisor(text: &str, up: &Path) {
+    let mut supervisor = start(text);
     wait_until(|| up.exists());
-    let child: i32 = std::fs::read_to_string(&up).unwrap().parse().unwrap();
+    let process: i32 = std::fs::read_to_string(up).unwrap().trim().parse().unwrap();
+    assert!(!is_dead(process));
     supervisor.kill().unwrap();
     supervisor.wait().unwrap();
-    wait_until(|| is_dead(child));
-    wait_until(|| left_in(&runtime).is_empty());
+    wait_until(|| is_dead(process));
+    let _ = std::fs::remove_file(up);
+    wait_until(|| left_in(&runtime()).is_empty());
 }
 
 /// Gone, or waiting to be buried by the machine's first process, which is none of ours.
