@@ -93,17 +93,17 @@ impl Child {
         }
     }
 
-    /// How the child ended, if it has; what it had started ends with it, and what it wrote last is taken.
-    pub(crate) fn bury(&mut self, each: impl FnMut(&str)) -> io::Result<Option<Exit>> {
-        if !self.has_ended()? {
-            return Ok(None);
-        }
+    /// How the child ended, which it has; what it had started ends with it, and what it wrote last is taken. `before` is called when
+    /// nothing of it runs any more, while its process id is still its own.
+    pub(crate) fn bury(&mut self, each: impl FnMut(&str), before: impl FnOnce(u32)) -> io::Result<Exit> {
         self.signal(Signal::KILL);
         self.read_output(each);
-        Ok(Some(exit(self.child.wait()?)))
+        before(self.pid());
+        Ok(exit(self.child.wait()?))
     }
 
-    fn has_ended(&self) -> io::Result<bool> {
+    /// Whether it has ended; it is there until it is buried.
+    pub(crate) fn has_ended(&self) -> io::Result<bool> {
         use rustix::process::{WaitId, WaitIdOptions, waitid};
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         match waitid(WaitId::PidFd(self.pidfd.as_fd()), options) {

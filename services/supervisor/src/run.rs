@@ -165,7 +165,7 @@ impl<'a> Supervisor<'a> {
 
     /// Gives the domain back, whatever happened.
     fn end(mut self, result: Result<(), RunError>) -> Result<Outcome, RunError> {
-        for child in self.children.iter_mut().flatten() {
+        for child in self.children.iter().flatten() {
             child.signal(Signal::KILL);
         }
         self.children.clear();
@@ -212,6 +212,7 @@ impl<'a> Supervisor<'a> {
             Action::Spawn { process, incarnation } => match self.spawn(process, incarnation) {
                 Ok(child) => {
                     self.vitals[process].begin(self.started.elapsed());
+                    self.guard.iter_mut().for_each(|guard| guard.take(child.pid()));
                     self.children[process] = Some(child);
                 }
                 Err(error) => return Ok(Some(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) })),
@@ -346,8 +347,12 @@ impl<'a> Supervisor<'a> {
             let name = self.settings.process[process].name.as_str();
             let mut lines = Vec::new();
             child.read_output(|line| lines.push(line.to_owned()));
-            let exit = child.bury(|line| lines.push(line.to_owned()));
-            let exit = exit.map_err(|source| RunError::System { what: "waiting for a child", source })?;
+            let waiting = |source| RunError::System { what: "waiting for a child", source };
+            let mut exit = None;
+            if child.has_ended().map_err(waiting)? {
+                let give_up = |pid| self.guard.iter_mut().for_each(|guard| guard.give_up(pid));
+                exit = Some(child.bury(|line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
+            }
             if let Some(ports) = &mut self.ports {
                 lines.iter().try_for_each(|line| ports.log.pass_on(name, line))?;
             }
@@ -414,7 +419,10 @@ impl<'a> Supervisor<'a> {
         self.guard_checked = now + SAMPLE;
         if self.guard.as_mut().is_none_or(|guard| !guard.is_alive()) {
             match Guard::start(&self.options.executable, self.domain.directory()) {
-                Ok(guard) => self.guard = Some(guard),
+                Ok(mut guard) => {
+                    self.children.iter().flatten().for_each(|child| guard.take(child.pid()));
+                    self.guard = Some(guard);
+                }
                 Err(error) => tracing::warn!("no guard: a killed supervisor would leave its domain behind: {error}"),
             }
         }

@@ -55,6 +55,7 @@ const TESTS: &[(&str, fn())] = &[
     ("who_was_heard_while_the_supervisor_stood_still_does_not_hang", who_was_heard_while_the_supervisor_stood_still_does_not_hang),
     ("visitors_that_were_killed_take_no_place_for_long", visitors_that_were_killed_take_no_place_for_long),
     ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
+    ("what_a_child_started_outlives_no_killed_supervisor", what_a_child_started_outlives_no_killed_supervisor),
 ];
 
 fn all_tests() -> ExitCode {
@@ -287,6 +288,13 @@ fn visitors_that_were_killed_take_no_place_for_long() {
 fn nothing_outlives_a_killed_supervisor() {
     let up = runtime().join("test").join("runs-is-up");
     is_gone_with_its_supervisor(&settings(&["waits", "runs"]), &up);
+}
+
+fn what_a_child_started_outlives_no_killed_supervisor() {
+    let up = runtime().join("grandchild-is-up");
+    let script = "sleep 100000 & echo $! > $0.part; mv $0.part $0; wait";
+    let text = format!("name = \"test\"\n[[process]]\nname = \"starts\"\ncommand = [\"sh\", \"-c\", {script:?}, {up:?}]\n");
+    is_gone_with_its_supervisor(&text, &up);
 }
 
 /// Kills the supervisor once there is a file with the id of a process that is to die of it.
