@@ -37,8 +37,38 @@ pub fn write_files(folder: &Path, files: &[MapFile]) -> Result<Vec<PathBuf>, Wri
 fn replace(path: &Path, contents: &[u8]) -> io::Result<()> {
     // The process id keeps two writers of the same map apart.
     let fresh = path.with_extension(format!("{}.fresh", std::process::id()));
-    let mut file = std::fs::File::create(&fresh)?;
+    let replaced = write(&fresh, contents).and_then(|()| std::fs::rename(&fresh, path));
+    if replaced.is_err() {
+        // Half a file is of no use, and takes room on a disk that may be full.
+        let _ = std::fs::remove_file(&fresh);
+    }
+    replaced
+}
+
+fn write(path: &Path, contents: &[u8]) -> io::Result<()> {
+    let mut file = std::fs::File::create(path)?;
     file.write_all(contents)?;
-    file.sync_all()?;
-    std::fs::rename(&fresh, path)
+    file.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_nothing_beside_the_one_that_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || {
+            let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        let file = |name| MapFile { name, contents: b"P5".to_vec() };
+        write_files(folder.path(), &[file("map.pgm")]).unwrap();
+        // A folder is not replaced by a file.
+        std::fs::create_dir(folder.path().join("map.png")).unwrap();
+        let error = write_files(folder.path(), &[file("map.png")]).unwrap_err();
+        assert_eq!(error.path, folder.path().join("map.png"));
+        assert_eq!(names(), ["map.pgm", "map.png"]);
+    }
 }
