@@ -183,6 +183,24 @@ fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
 }
 
 #[test]
+fn a_run_whose_driver_is_lost_ends_once_nothing_moves_whoever_talks() {
+    let bench = Bench::new();
+    let built_in = |kind: &str| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n");
+    let settings = format!(
+        "name = \"lost\"\nout = \"lost-out\"\n{}[[process]]\nname = \"driver\"\ncommand = [\"/bin/false\"]\nends_run = true
+        [mapping]\nexpect_verdicts = true\n[fti]\nexpect_camera = false\n[supervisor]\nrestarts = 0\nstartup_deadline_s = 60.0
+        heartbeat_timeout_s = 60.0\n",
+        ["recorder", "mapping", "fti", "std", "viewer"].map(built_in).concat()
+    );
+    let settings = bench.write("lost.toml", &settings);
+    let (code, stdout, stderr) = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end();
+    assert_eq!(code, Some(3), "{stdout}{stderr}");
+    assert!(stderr.contains("stopping: nothing can be done without driver"), "{stderr}");
+    assert!(!stderr.contains("still moves") && !stdout.contains("restarted"), "{stdout}{stderr}");
+    assert!(stdout.contains("map sha256"), "{stdout}{stderr}");
+}
+
+#[test]
 fn a_full_disk_stops_the_recording_and_a_new_file_goes_on() {
     let bench = Bench::new();
     let more = format!("{INJECTOR}{}", faults(&["process = \"recorder\"\nkind = \"disk\"\nfrom_s = 8.0\nfor_s = 8.0"]));

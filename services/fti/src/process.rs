@@ -42,53 +42,7 @@ pub enum FtiError {
 /// # Errors
 /// Settings that make no FTI, or a bus that fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
-    let speed = shell.membership().speed().max(1.0);
-    let parameters = Parameters::of_settings(settings).at_speed(speed);
-    let with_camera = parameters.camera.is_some();
-    let checkpoint = shell.checkpoint();
-    let restored = checkpoint.take_up(|saved| restore(parameters.clone(), saved));
-    let (fti, place, recent) = match restored {
-        Some(restored) => restored,
-        None => (Fti::new(parameters)?, Place::default(), Recent::default()),
-    };
-    if place.scan > 0 {
-        tracing::info!("goes on after scan {}", place.scan);
-    }
-    let mut verdicts = shell.writer()?;
-    recent.say_again(&mut verdicts)?;
-    shell.stay_for(settings.named(BuiltIn::Mapping));
-    let mut scans = shell.reader::<SonarScan>()?;
-    scans.skip_to(place.scan, place.scan_ns);
-    let mut sonar = shell.reader::<SonarMotion>()?;
-    sonar.skip_to(place.sonar, place.sonar_ns);
-    let camera = if with_camera {
-        let mut camera = shell.reader::<CameraMotion>()?;
-        camera.skip_to(place.camera, place.camera_ns);
-        Some(camera)
-    } else {
-        None
-    };
-    let mut integration = Integration {
-        scans,
-        sonar,
-        camera,
-        verdicts,
-        recent,
-        walkers: shell.writer()?,
-        outlook: shell.writer()?,
-        checkpoint,
-        place,
-        checkpointed: place.scan,
-        saved: Vec::new(),
-        lockstep: settings.pace == Pace::Lockstep,
-        scans_ended_at: None,
-        shown_at: None,
-        news: true,
-        missed: [Missed::default(); 2],
-        missed_after_ns: (MISSED_S * speed * 1e9) as u64,
-        counts: Counts::default(),
-        fti,
-    };
+    let mut integration = Integration::new(&mut shell, settings)?;
     Ok(shell.run(&mut integration)?)
 }
 
@@ -163,6 +117,56 @@ impl Process for Integration {
 }
 
 impl Integration {
+    fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, FtiError> {
+        let speed = shell.membership().speed().max(1.0);
+        let parameters = Parameters::of_settings(settings).at_speed(speed);
+        let with_camera = parameters.camera.is_some();
+        let checkpoint = shell.checkpoint();
+        let restored = checkpoint.take_up(|saved| restore(parameters.clone(), saved));
+        let (fti, place, recent) = match restored {
+            Some(restored) => restored,
+            None => (Fti::new(parameters)?, Place::default(), Recent::default()),
+        };
+        if place.scan > 0 {
+            tracing::info!("goes on after scan {}", place.scan);
+        }
+        let mut verdicts = shell.writer()?;
+        recent.say_again(&mut verdicts)?;
+        shell.stay_for(settings.named(BuiltIn::Mapping));
+        let mut scans = shell.reader::<SonarScan>()?;
+        scans.skip_to(place.scan, place.scan_ns);
+        let mut sonar = shell.reader::<SonarMotion>()?;
+        sonar.skip_to(place.sonar, place.sonar_ns);
+        let camera = if with_camera {
+            let mut camera = shell.reader::<CameraMotion>()?;
+            camera.skip_to(place.camera, place.camera_ns);
+            Some(camera)
+        } else {
+            None
+        };
+        Ok(Self {
+            scans,
+            sonar,
+            camera,
+            verdicts,
+            recent,
+            walkers: shell.writer()?,
+            outlook: shell.writer()?,
+            checkpoint,
+            place,
+            checkpointed: place.scan,
+            saved: Vec::new(),
+            lockstep: settings.pace == Pace::Lockstep,
+            scans_ended_at: None,
+            shown_at: None,
+            news: true,
+            missed: [Missed::default(); 2],
+            missed_after_ns: (MISSED_S * speed * 1e9) as u64,
+            counts: Counts::default(),
+            fti,
+        })
+    }
+
     /// Takes what waits, up to a round's share; true when there may be more.
     fn take_inputs(&mut self) -> Result<bool, StepError> {
         // Scans last: after a delay they would else seem to have come without the rest.
@@ -344,4 +348,36 @@ fn restore(parameters: Parameters, saved: &Saved<'_>) -> Result<(Fti, Place, Rec
         fti.reopen();
     }
     Ok((fti, place, recent))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bus::Domain;
+
+    #[test]
+    fn what_is_to_come_is_said_when_something_came_and_never_again() {
+        let domain = Domain::open(&format!("test-fti-{}", std::process::id()), 1.0).unwrap();
+        let shell = |process| Shell::join(domain.membership_for(process, 0, "settings.toml".as_ref())).unwrap();
+        let (mut source, mut fti, mut viewer) = (shell("pioneer"), shell("fti"), shell("viewer"));
+        let mut scans = source.writer::<SonarScan>().unwrap();
+        let mut outlooks = viewer.reader::<VerdictOutlook>().unwrap();
+        let mut integration = Integration::new(&mut fti, &Settings::default()).unwrap();
+        let mut said = |integration: &mut Integration| {
+            integration.take_inputs().unwrap();
+            // Whatever was shown last is long ago.
+            integration.shown_at = None;
+            integration.show().unwrap();
+            let mut count = 0;
+            while let Some(received) = outlooks.take().unwrap() {
+                count += usize::from(matches!(received, Received::Message(_)));
+            }
+            count
+        };
+        assert_eq!((said(&mut integration), said(&mut integration)), (1, 0), "what was restored, once");
+        scans.send(1, 1, &SonarScan::default()).unwrap();
+        assert_eq!((said(&mut integration), said(&mut integration)), (1, 0));
+        drop((integration, scans, outlooks, source, fti, viewer));
+        domain.close().unwrap();
+    }
 }
