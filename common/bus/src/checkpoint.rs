@@ -280,6 +280,7 @@ pub(crate) mod tests {
             routed: Vec::new(),
             state: state.to_owned(),
             start,
+            supervisor: std::process::id(),
         };
         Checkpoint::of(&membership, Refusal::default())
     }

@@ -147,7 +147,7 @@ fn the_last_scan_is_told_whether_its_verdict_is_to_come_or_given() {
             assert_eq!(fti.last_scan(), Some((seq, seq * 100_000_000)), "a horizon of {horizon_s} s");
         }
         drop(finish(&mut fti));
-        let restored = Fti::from_bytes(parameters, &fti.to_bytes()).unwrap();
+        let restored = restore(parameters, &save(&fti)).unwrap();
         assert_eq!((fti.last_scan(), restored.last_scan()), (Some((SCANS, SCANS * 100_000_000)), fti.last_scan()));
     }
 }
@@ -188,8 +188,8 @@ fn save_tiles(fti: &Fti, keys: Vec<[i32; 3]>, state: &mut State) {
     }
 }
 
-fn restore(state: &State) -> Result<Fti, StateError> {
-    Fti::restore(Parameters::default(), &state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
+fn restore(parameters: Parameters, state: &State) -> Result<Fti, StateError> {
+    Fti::restore(parameters, &state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
 }
 
 #[test]
@@ -211,7 +211,7 @@ fn a_state_read_back_goes_on_the_same() {
     for cut in [0, 1, 45, 62, 100] {
         let mut whole = Fti::new(Parameters::default()).unwrap();
         feed(&mut whole, 1..=cut, true);
-        let mut restored = restore(&save(&whole)).unwrap();
+        let mut restored = restore(Parameters::default(), &save(&whole)).unwrap();
         assert_eq!(save(&restored), save(&whole));
         assert_eq!(feed(&mut restored, cut + 1..=SCANS, true), feed(&mut whole, cut + 1..=SCANS, true));
         assert_eq!(finish(&mut restored), finish(&mut whole));

@@ -335,8 +335,8 @@ fn child(behaviour: &str) -> ExitCode {
     }
     let mut shell = Shell::join(membership).unwrap();
     if behaviour == "finds-broken-once" {
-        let checkpoint = shell.checkpoint();
-        let kept = checkpoint.take_up(|saved| Ok::<_, String>(saved.state.clone()));
+        let mut checkpoint = shell.checkpoint();
+        let kept = checkpoint.take_up(|saved| Ok::<_, String>(saved.state.to_vec()));
         assert_eq!(kept.is_some(), !first, "the checkpoints of the run outlive its bus");
         checkpoint.keep(b"kept");
     }
