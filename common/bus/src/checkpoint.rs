@@ -12,8 +12,7 @@ use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
 use crate::membership::Membership;
 use crate::paths::{free_name, make_private, passing_state};
 
-/// A checkpoint is appended to until it is this much longer than twice what it was when it was written whole: a small state is
-/// replaced once in many times, since some file systems write a file that replaces another to the disk at once.
+/// A checkpoint in parts is appended to until it is this much longer than twice what it was when it was written whole.
 const APPENDED: u64 = 64 * 1024;
 /// What is written at once: a few parts of a map.
 const BUFFER: usize = 64 * 1024;
@@ -42,6 +41,9 @@ struct Journal {
     length: u64,
     /// Its length when it was written whole.
     whole: u64,
+    /// It was written with parts. What is replaced is on the disk before what is appended: the place of a robot, which is small,
+    /// must not be older after a power cut than the map.
+    in_parts: bool,
 }
 
 /// What an earlier incarnation has kept.
@@ -154,7 +156,7 @@ impl Checkpoint {
 
     fn save(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
         // Where one of them fails, what has changed is no longer known: the next one is whole.
-        let appendable = self.journal.take().filter(|journal| journal.length < 2 * journal.whole + APPENDED);
+        let appendable = self.journal.take().filter(|it| it.in_parts && it.length < 2 * it.whole + APPENDED);
         let written = match appendable.and_then(|journal| Some((self.open_as(journal)?, journal))) {
             Some((file, journal)) => append(file, journal, head, parts)?,
             None => self.replace(&self.path, head, parts)?,
@@ -174,21 +176,28 @@ impl Checkpoint {
             make_private(folder)?;
         }
         let fresh = path.with_extension("fresh");
-        let written = self.write_whole(&fresh, head, parts).and_then(|length| std::fs::rename(&fresh, path).map(|()| length));
+        let written = self.write_whole(&fresh, !path.exists(), head, parts).and_then(|it| std::fs::rename(&fresh, path).map(|()| it));
         if written.is_err() {
             // On a full disk half a state takes the room of what is worth more.
             let _ = std::fs::remove_file(&fresh);
         }
-        written.map(|length| Journal { length, whole: length })
+        written
     }
 
-    fn write_whole(&self, fresh: &Path, head: &[u8], parts: &mut dyn Parts) -> io::Result<u64> {
+    /// Where it `is_first` it is brought to the disk before it gets its name: a file system that sees to that for what is replaced
+    /// leaves an empty file in a new place when the power fails.
+    fn write_whole(&self, fresh: &Path, is_first: bool, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
         let mut into = Counting { into: BufWriter::with_capacity(BUFFER, File::create(fresh)?), count: 0 };
         put_preamble(&mut into, self.run, self.start)?;
         parts.take_changed();
-        put_state(&mut into, parts.all(), head, parts)?;
+        let all = parts.all();
+        let in_parts = !all.is_empty();
+        put_state(&mut into, all, head, parts)?;
         into.flush()?;
-        Ok(into.count)
+        if is_first && self.spare.is_some() {
+            into.into.get_ref().sync_all()?;
+        }
+        Ok(Journal { length: into.count, whole: into.count, in_parts })
     }
 }
 
@@ -292,10 +301,6 @@ pub(crate) mod tests {
         checkpoint.take_up(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
     }
 
-    fn saved(state: &[u8], before_a_stop: bool) -> Option<Kept> {
-        Some((state.to_vec(), BTreeMap::new(), before_a_stop))
-    }
-
     /// Parts that are numbers, and how many were written.
     #[derive(Default)]
     struct Numbers {
@@ -336,14 +341,19 @@ pub(crate) mod tests {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut numbers = Numbers::default();
         assert_eq!(load(&checkpoint), None);
-        checkpoint.keep(b"first");
-        assert_eq!(load(&self::checkpoint(&folder, 7, 1)), saved(b"first", true));
+        numbers.set([0, 0, 0], 1);
+        checkpoint.keep_with(b"first", &mut numbers);
+        let kept_first = numbers.kept(b"first");
+        let before_a_stop = kept_first.clone().map(|(head, parts, _)| (head, parts, true));
+        assert_eq!(load(&self::checkpoint(&folder, 7, 1)), before_a_stop);
 
         let first = std::fs::read(&checkpoint.path).expect("readable").len();
-        checkpoint.keep(b"second");
-        assert_eq!(load(&checkpoint), saved(b"second", false));
+        checkpoint.keep_with(b"second", &mut numbers);
+        assert_eq!(load(&checkpoint), numbers.kept(b"second"));
         let whole = std::fs::read(&checkpoint.path).expect("readable");
+        assert!(whole.len() > first, "appended to");
         let mut aside = 0;
         for at in 0..whole.len() {
             let cut = whole[..at].to_vec();
@@ -351,8 +361,8 @@ pub(crate) mod tests {
             turned[at] ^= 1;
             for damaged in [cut, turned] {
                 std::fs::write(&checkpoint.path, &damaged).expect("written");
-                let expected = if at < first { None } else { saved(b"first", false) };
-                assert_eq!(load(&checkpoint), expected, "byte {at}");
+                let expected = if at < first { &None } else { &kept_first };
+                assert_eq!(load(&checkpoint), *expected, "byte {at}");
                 let kept = folder.join(format!("mapping.checkpoint-{}", aside + 1));
                 // An end that is missing, as a kill leaves it, is nothing to look at.
                 let is_cut = at >= first && !kept.exists();
@@ -363,6 +373,18 @@ pub(crate) mod tests {
             }
         }
         assert!(aside > 2 * first, "what was damaged behind the first state was copied, too");
+    }
+
+    #[test]
+    fn a_state_without_parts_is_replaced() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        checkpoint.keep(b"first");
+        let length = std::fs::metadata(&checkpoint.path).expect("there").len();
+        checkpoint.keep(b"again");
+        assert_eq!(std::fs::metadata(&checkpoint.path).expect("there").len(), length);
+        assert_eq!(load(&checkpoint), Some((b"again".to_vec(), BTreeMap::new(), false)));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! finds a note of its own goes on in that run, as if all of its processes had been killed at once. They go on together or not
 //! at all: a driver that began anew beside a map that did not would draw into it at another place.
 
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::journal::read;
@@ -78,9 +78,14 @@ impl State {
         if !self.outlives {
             return Ok(());
         }
-        let fresh = self.folder.join("run.new");
-        std::fs::write(&fresh, Note { last_ns: now_ns, ..self.note.clone() }.to_text())?;
-        std::fs::rename(&fresh, self.folder.join(NOTE))
+        let (fresh, note) = (self.folder.join("run.new"), self.folder.join(NOTE));
+        let mut file = std::fs::File::create(&fresh)?;
+        file.write_all(Note { last_ns: now_ns, ..self.note.clone() }.to_text().as_bytes())?;
+        if !note.exists() {
+            // As the first of every checkpoint.
+            file.sync_all()?;
+        }
+        std::fs::rename(&fresh, note)
     }
 
     pub(crate) fn folder(&self) -> &Path {
