@@ -150,7 +150,7 @@ fn status_names_what_was_refused() {
     assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
     assert!(text(&ended.stdout).contains("std once"), "{}", text(&ended.stdout));
     let said = text(&ended.stderr);
-    let [begins, over] = [CORRUPTS, "robot/scan is disturbed no longer: corrupt"].map(|words| said.find(&format!("injector   {words}")));
+    let [begins, over] = [CORRUPTS, "robot/scan is disturbed no longer: corrupt"].map(|words| said.find(words));
     assert!(begins.is_some() && begins < over, "{said}");
     assert_eq!(told(&inject_stop), ["stops recorder as asked, for 0.5 s", "recorder is stopped no longer"]);
 }

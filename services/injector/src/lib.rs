@@ -4,7 +4,7 @@
 //! injector sends to its readers. Neither they nor the readers are built for it. [`Line`] decides what becomes of each message;
 //! whether a fault hits one follows from the fault's seed and the message's number alone, so that a run that is repeated, or a
 //! message that is sent again, meets the same faults. [`Timetable`] says when a process is to be disturbed, or shared memory taken ([`Ballast`]).
-//! Where a fault begins and where it is over, that is [News].
+//! That a fault begins and that it is over is told as [`News`].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod ballast;
