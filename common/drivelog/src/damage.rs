@@ -7,7 +7,7 @@ use crate::logged::DecodeError;
 
 /// Bytes of a log that are not what they should be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("damaged at byte {offset}: found {found}, expected {expected}")]
+#[error("damaged at byte {offset}: found {found}, expected {expected}{}", passed_over(*skipped))]
 pub struct Damage {
     /// Where in the file, from 0.
     pub offset: u64,
@@ -15,6 +15,12 @@ pub struct Damage {
     pub found: String,
     /// What should.
     pub expected: String,
+    /// Bytes from there on in which no record can be told from another; 0 when only that one is lost.
+    pub skipped: u64,
+}
+
+fn passed_over(skipped: u64) -> String {
+    if skipped > 0 { format!("; {skipped} bytes are passed over") } else { String::new() }
 }
 
 /// What is wrong with a file that should be a log.

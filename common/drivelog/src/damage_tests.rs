@@ -1,9 +1,12 @@
 //! Bytes of a log that were cut or changed, each at every place: what is left is read, what is lost is noticed, nothing is
 //! made up, and nothing panics.
 
+use std::ops::Range;
+
 use messages::{MapTile, Pose, SonarReading, SonarScan};
 
-use crate::damage::Fault;
+use crate::damage::{Damage, Fault};
+use crate::deframer::opcode;
 use crate::logged::Logged;
 use crate::part::{Ending, PartReader};
 use crate::preamble::Preamble;
@@ -112,4 +115,113 @@ fn a_flipped_bit_anywhere_is_noticed_and_makes_no_scan_up() {
             }
         }
     }
+}
+
+/// The scans of the chunks that a hole does not touch.
+fn spared(Example { scans, flushed, .. }: &Example, hole: &Range<usize>) -> Vec<(u64, SonarScan)> {
+    let is_spared = |seq: u64| {
+        let mut chunks = flushed.windows(2);
+        chunks.any(|ends| (ends[0].1 + 1..=ends[1].1).contains(&seq) && (hole.end <= ends[0].0 || hole.start >= ends[1].0))
+    };
+    (1..).zip(scans.iter().copied()).filter(|(seq, _)| is_spared(*seq)).collect()
+}
+
+fn with_zeros(bytes: &[u8], hole: Range<usize>) -> Vec<u8> {
+    let mut damaged = bytes.to_vec();
+    damaged[hole].fill(0);
+    damaged
+}
+
+/// The first chunk tells what the messages of all are.
+#[test]
+fn a_hole_behind_the_first_chunk_costs_the_chunks_that_it_touches() {
+    let example = example();
+    let Example { bytes, scans, flushed, index } = &example;
+    let (first_chunk, chunk) = (flushed[1].0, flushed[2].0 - flushed[1].0);
+    for length in [1, 9, 60, chunk, chunk + 30] {
+        for start in (first_chunk..bytes.len() - length).step_by(3) {
+            let hole = start..start + length;
+            let damaged = with_zeros(bytes, hole.clone());
+            let found = read(&damaged).unwrap();
+            let noticed = !found.faults.is_empty() || found.ending != Ending::Complete || damaged == *bytes;
+            assert!(noticed || start + length > *index, "a hole of {hole:?} is not noticed");
+            let spared = spared(&example, &hole);
+            assert!(spared.iter().all(|scan| found.scans.contains(scan)), "a hole of {hole:?}: {:?}", found.faults);
+            assert!(found.scans.iter().all(|(seq, scan)| scans[*seq as usize - 1] == *scan), "a hole of {hole:?}");
+            assert!(found.scans.is_sorted_by_key(|(seq, _)| *seq), "a hole of {hole:?}");
+        }
+    }
+}
+
+#[test]
+fn bytes_that_are_passed_over_are_counted() {
+    let Example { bytes, flushed, .. } = example();
+    let (second, third) = (flushed[1].0, flushed[2].0);
+    let skipped = |faults: &[Fault]| {
+        let of = |fault: &Fault| if let Fault::Damaged(damage) = fault { (damage.offset, damage.skipped) } else { (0, 0) };
+        faults.iter().map(of).collect::<Vec<_>>()
+    };
+    let found = read(&with_zeros(&bytes, second..second + 100)).unwrap();
+    assert_eq!(skipped(&found.faults), [(second as u64, (third - second) as u64)]);
+    assert_eq!(found.ending, Ending::Complete);
+    let said = found.faults[0].to_string();
+    assert!(
+        said.contains("found a record of type 0x00") && said.ends_with(&format!("; {} bytes are passed over", third - second)),
+        "{said}"
+    );
+    let found = read(&with_zeros(&with_zeros(&bytes, second..second + 9), third..third + 9)).unwrap();
+    assert_eq!((found.scans.len() as u64, found.faults.len()), (HELD, 1), "both are one gap");
+    let end = bytes.len() as u64;
+    let found = read(&with_zeros(&bytes, bytes.len() - 40..bytes.len())).unwrap();
+    assert_eq!(found.scans.len() as u64, SCANS, "the footer holds nothing");
+    assert!(matches!(found.ending, Ending::Damaged(Damage { offset, skipped, .. }) if offset + skipped == end), "{:?}", found.ending);
+}
+
+#[test]
+fn a_length_that_is_damaged_takes_no_other_chunk_with_it() {
+    let Example { bytes, scans, flushed, .. } = example();
+    let second = flushed[1].0;
+    let expected: Vec<_> = (1..).zip(scans).filter(|(seq, _)| !(HELD + 1..=2 * HELD).contains(seq)).collect();
+    let with_the_third = (flushed[3].0 - second - 9) as u64;
+    for length in [0, 1, 300, with_the_third - 50, with_the_third, 1 << 20, 60 << 20, 1 << 40] {
+        let mut damaged = bytes.clone();
+        damaged[second + 1..second + 9].copy_from_slice(&length.to_le_bytes());
+        let found = read(&damaged).unwrap();
+        assert_eq!(found.scans, expected, "{length}: {:?}", found.faults);
+        assert!(!found.faults.is_empty() && found.ending == Ending::Complete, "{length}: {:?}", found.ending);
+    }
+}
+
+#[test]
+fn a_chunk_that_says_it_is_larger_than_anything_is_none() {
+    let Example { mut bytes, flushed, .. } = example();
+    bytes.truncate(flushed[1].0);
+    bytes.extend([0, opcode::CHUNK]);
+    bytes.extend(40_u64.to_le_bytes());
+    bytes.extend([0; 32]);
+    bytes.extend(u64::MAX.to_le_bytes());
+    assert_eq!(read(&bytes).unwrap().scans.len() as u64, HELD);
+}
+
+/// Each of these says that it is a chunk of all that follows: unpacking it for every one would take hours.
+#[test]
+fn what_looks_like_chunks_again_and_again_is_not_unpacked_for_ever() {
+    let Example { mut bytes, flushed, .. } = example();
+    bytes.truncate(flushed[1].0);
+    bytes.push(0);
+    const COUNT: u64 = 300_000;
+    const SIZE: u64 = 9 + 40;
+    for number in 0..COUNT {
+        let length = (COUNT - number) * SIZE - 9;
+        bytes.push(opcode::CHUNK);
+        bytes.extend(length.to_le_bytes());
+        bytes.extend([0; 16]);
+        bytes.extend((length - 40).to_le_bytes());
+        bytes.extend([1; 4]);
+        bytes.extend([0; 4]);
+        bytes.extend((length - 40).to_le_bytes());
+    }
+    let found = read(&bytes).unwrap();
+    assert_eq!(found.scans.len() as u64, HELD);
+    assert!(matches!(found.ending, Ending::Damaged(_)), "{:?}", found.ending);
 }

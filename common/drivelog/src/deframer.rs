@@ -4,6 +4,8 @@ use crc32fast::Hasher;
 
 use crate::damage::Damage;
 use crate::fields::Fields;
+use crate::part::Ending;
+use crate::records::unpack;
 
 /// What an MCAP file starts and ends with.
 pub(crate) const MAGIC: &[u8] = mcap::MAGIC;
@@ -11,6 +13,14 @@ pub(crate) const MAGIC: &[u8] = mcap::MAGIC;
 const HEAD: usize = 9;
 /// The largest record that is read; the largest that is written is a picture of the map.
 pub(crate) const MAX_RECORD: u64 = 64 << 20;
+/// Bytes of a data end: its checksum.
+const DATA_END: u64 = 4;
+/// Bytes of a chunk without its content and the word for how it is packed: three times and sizes, a checksum, two lengths.
+const CHUNK_FIELDS: u64 = 8 + 8 + 8 + 4 + 4 + 8;
+/// Bytes that may be unpacked in vain while whole chunks are looked for, and how many more for each byte of the file: whatever
+/// a file holds, reading it takes a time that grows with its size.
+const IN_VAIN: u64 = 4 * MAX_RECORD;
+const IN_VAIN_PER_BYTE: u64 = 16;
 
 /// The records that are read; the others are an index of them.
 pub(crate) mod opcode {
@@ -26,12 +36,20 @@ pub(crate) struct Frame<'a> {
     pub(crate) body: &'a [u8],
 }
 
-/// Takes records out of a file from its start to its end.
+/// Takes records out of a file from its start to its end. Where bytes are no record, it looks for the next whole chunk.
 pub(crate) struct Deframer {
     buffer: Vec<u8>,
     start: usize,
     offset: u64,
     stage: Stage,
+    /// No more bytes will come.
+    at_end: bool,
+    /// Size of the last record with its head.
+    last: usize,
+    /// Why and from where on a whole chunk is looked for.
+    gap: Option<Gap>,
+    /// Bytes that may still be unpacked in vain.
+    in_vain: u64,
     /// Over everything up to the end of the data section.
     crc: Option<Hasher>,
 }
@@ -42,12 +60,52 @@ enum Stage {
     Records,
     LastMagic,
     Done,
+    /// What follows is not looked at.
     Lost,
+    /// Looking for a whole chunk.
+    Search,
+}
+
+/// Bytes that are passed over.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Gap {
+    offset: u64,
+    reason: Reason,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Reason {
+    /// What stands there is no record: found, expected.
+    NoRecord(String, String),
+    /// The record there is not whole at the end of the file, and may be one whose length is damaged.
+    Cut,
+    /// The chunk there cannot be read, which has been told.
+    Chunk,
+}
+
+/// What bytes may be that are looked at for a record to go on with.
+enum Guess {
+    Nothing,
+    /// More bytes tell.
+    Unclear,
+    /// A chunk of this length with its head, and of this size unpacked.
+    Chunk(usize, u64),
+    DataEnd,
 }
 
 impl Deframer {
     pub(crate) fn new() -> Self {
-        Self { buffer: Vec::new(), start: 0, offset: 0, stage: Stage::FirstMagic, crc: Some(Hasher::new()) }
+        Self {
+            buffer: Vec::new(),
+            start: 0,
+            offset: 0,
+            stage: Stage::FirstMagic,
+            at_end: false,
+            last: 0,
+            gap: None,
+            in_vain: IN_VAIN,
+            crc: Some(Hasher::new()),
+        }
     }
 
     /// Takes the next bytes of the file.
@@ -64,15 +122,48 @@ impl Deframer {
         self.offset
     }
 
-    /// Whether the file has ended as it should.
-    pub(crate) fn is_done(&self) -> bool {
-        self.stage == Stage::Done
+    /// No more bytes will come.
+    pub(crate) fn end(&mut self) {
+        self.at_end = true;
+    }
+
+    pub(crate) fn has_ended(&self) -> bool {
+        self.at_end
+    }
+
+    /// Whether nothing of what follows is looked at.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.stage == Stage::Lost
+    }
+
+    /// How the file has ended, of which no more bytes will come.
+    pub(crate) fn ending(&self) -> Ending {
+        match &self.gap {
+            _ if self.stage == Stage::Done => Ending::Complete,
+            Some(Gap { offset, reason: Reason::Cut | Reason::Chunk }) => Ending::Cut { offset: *offset },
+            Some(gap) => gap.damage(self.offset + self.waiting().len() as u64).map_or(Ending::Complete, Ending::Damaged),
+            None => Ending::Cut { offset: self.offset },
+        }
+    }
+
+    /// The last record is a chunk that cannot be read. Its length may be what is damaged: the next whole chunk is looked for from its
+    /// second byte on. Only before more bytes come.
+    pub(crate) fn distrust(&mut self) {
+        let Some(first) = self.start.checked_sub(self.last).filter(|_| self.stage == Stage::Records) else { return };
+        if !self.spend(self.last as u64 + unpacked_size(&self.buffer[first..self.start])) {
+            return;
+        }
+        self.start = first;
+        self.offset -= self.last as u64;
+        self.search(Reason::Chunk);
+        self.skip(1);
     }
 
     /// The next record; `None` when more bytes are needed, or none can follow.
     ///
     /// # Errors
-    /// Bytes that are no record; none can be found behind them.
+    /// Bytes that are no record. When it [is lost](Self::is_lost) then, none can be found behind them; else the next call goes on
+    /// with the next whole chunk.
     pub(crate) fn next(&mut self) -> Result<Option<Frame<'_>>, Damage> {
         if self.stage == Stage::FirstMagic && !self.magic(Stage::Records)? {
             return Ok(None);
@@ -83,10 +174,26 @@ impl Deframer {
         if self.stage == Stage::Done && !self.waiting().is_empty() {
             return Err(self.lost(format!("{} more bytes", self.waiting().len()), "the end of the file"));
         }
+        if self.stage == Stage::Records {
+            match self.check_head() {
+                Err(reason) => self.search(reason),
+                Ok(()) if self.at_end && !self.waiting().is_empty() && self.record_length().is_none() => {
+                    self.search(Reason::Cut);
+                    self.skip(1);
+                }
+                Ok(()) => {}
+            }
+        }
+        if self.stage == Stage::Search && self.find_chunk() {
+            self.stage = Stage::Records;
+            if let Some(damage) = self.gap.take().and_then(|gap| gap.damage(self.offset)) {
+                return Err(damage);
+            }
+        }
         if self.stage != Stage::Records {
             return Ok(None);
         }
-        let Some(length) = self.record_length()? else { return Ok(None) };
+        let Some(length) = self.record_length() else { return Ok(None) };
         let (from, offset) = (self.start, self.offset);
         let opcode = self.buffer[from];
         let body = from + HEAD..from + length;
@@ -108,13 +215,58 @@ impl Deframer {
         if let Some(crc) = &mut self.crc {
             crc.update(&self.buffer[self.start..end]);
         }
-        self.start = end;
+        (self.start, self.last) = (end, length);
         self.offset += length as u64;
+    }
+
+    /// Passes over bytes in which nothing was found.
+    fn skip(&mut self, length: usize) {
+        self.start += length;
+        self.offset += length as u64;
+        self.in_vain = self.in_vain.saturating_add(IN_VAIN_PER_BYTE * length as u64);
+    }
+
+    /// Whether so many bytes may be unpacked in vain, which they have been.
+    fn spend(&mut self, bytes: u64) -> bool {
+        let left = self.in_vain.checked_sub(bytes);
+        self.in_vain = left.unwrap_or_default();
+        left.is_some()
+    }
+
+    /// From here on a whole chunk is looked for. The checksum of everything is that of something else then.
+    fn search(&mut self, reason: Reason) {
+        self.stage = Stage::Search;
+        self.gap = Some(Gap { offset: self.offset, reason });
+        self.crc = None;
+    }
+
+    /// Goes on to the next whole chunk, or to the end of the data; false when it is not all there yet, or there is none.
+    fn find_chunk(&mut self) -> bool {
+        loop {
+            let waiting = self.waiting();
+            let skipped = waiting.iter().position(|byte| [opcode::CHUNK, opcode::DATA_END].contains(byte));
+            self.skip(skipped.unwrap_or(waiting.len()));
+            match guess(self.waiting()) {
+                Guess::DataEnd => return true,
+                Guess::Chunk(length, size) => {
+                    if unpack(self.offset, &self.waiting()[HEAD..length]).is_ok() {
+                        return true;
+                    }
+                    if !self.spend(length as u64 + size) {
+                        self.stage = Stage::Lost;
+                        return false;
+                    }
+                }
+                Guess::Unclear if !self.at_end || self.waiting().is_empty() => return false,
+                Guess::Unclear | Guess::Nothing => {}
+            }
+            self.skip(1);
+        }
     }
 
     fn lost(&mut self, found: String, expected: impl Into<String>) -> Damage {
         self.stage = Stage::Lost;
-        Damage { offset: self.offset, found, expected: expected.into() }
+        Damage { offset: self.offset, found, expected: expected.into(), skipped: 0 }
     }
 
     /// Goes on to `then` behind the magic bytes; false when they are not all there yet.
@@ -133,18 +285,25 @@ impl Deframer {
         Ok(true)
     }
 
-    /// Length of the next record with its head; `None` when it is not yet whole.
-    fn record_length(&mut self) -> Result<Option<usize>, Damage> {
-        let Some(&opcode) = self.waiting().first() else { return Ok(None) };
+    /// Whether the next record can be one, as far as its head is there.
+    fn check_head(&self) -> Result<(), Reason> {
+        let Some(&opcode) = self.waiting().first() else { return Ok(()) };
         if opcode == 0 || (opcode > opcode::DATA_END && opcode < 0x80) {
-            return Err(self.lost(format!("a record of type {opcode:#04x}"), "one of MCAP's, 0x01 to 0x0f"));
+            return Err(Reason::NoRecord(format!("a record of type {opcode:#04x}"), "one of MCAP's, 0x01 to 0x0f".to_owned()));
         }
-        let Some(length) = Fields(&self.waiting()[1..]).u64() else { return Ok(None) };
-        if length > MAX_RECORD {
-            return Err(self.lost(format!("a record of {length} bytes"), format!("at most {MAX_RECORD}")));
+        match Fields(&self.waiting()[1..]).u64() {
+            Some(length) if length > MAX_RECORD => {
+                Err(Reason::NoRecord(format!("a record of {length} bytes"), format!("at most {MAX_RECORD}")))
+            }
+            _ => Ok(()),
         }
+    }
+
+    /// Length of the next record with its head; `None` when it is not yet whole.
+    fn record_length(&self) -> Option<usize> {
+        let length = Fields(self.waiting().get(1..)?).u64()?;
         let whole = HEAD + length as usize;
-        Ok((self.waiting().len() >= whole).then_some(whole))
+        (self.waiting().len() >= whole).then_some(whole)
     }
 
     /// Compares the checksum of everything before the end of the data section with what that says.
@@ -158,6 +317,51 @@ impl Deframer {
             _ => Ok(()),
         }
     }
+}
+
+impl Gap {
+    /// What is to be told of it when it reaches up to `end`; `None` when that has been told.
+    fn damage(&self, end: u64) -> Option<Damage> {
+        let (found, expected) = match &self.reason {
+            Reason::NoRecord(found, expected) => (found.clone(), expected.clone()),
+            Reason::Cut => ("a record that reaches beyond the end of the file".to_owned(), "one within it".to_owned()),
+            Reason::Chunk => return None,
+        };
+        Some(Damage { offset: self.offset, found, expected, skipped: end.saturating_sub(self.offset) })
+    }
+}
+
+/// Size that the chunk of a record says that it has unpacked.
+fn unpacked_size(record: &[u8]) -> u64 {
+    let size = record.get(HEAD + 16..).and_then(|bytes| Fields(bytes).u64());
+    size.unwrap_or_default().min(MAX_RECORD)
+}
+
+/// What bytes may be that begin as a chunk or a data end does, by their head alone.
+fn guess(bytes: &[u8]) -> Guess {
+    let mut fields = Fields(bytes);
+    let mut head = || {
+        let opcode = fields.bytes(1)?[0];
+        let length = fields.u64()?;
+        if opcode == opcode::DATA_END {
+            return Some(if length == DATA_END { Guess::DataEnd } else { Guess::Nothing });
+        }
+        fields.bytes(16)?;
+        let size = fields.u64()?;
+        fields.u32()?;
+        let word = u64::from(fields.u32()?);
+        if length > MAX_RECORD || size > MAX_RECORD || word > 3 {
+            return Some(Guess::Nothing);
+        }
+        let fits = fields.bytes(word)?.is_empty() || word == 3;
+        let packed = fields.u64()?;
+        if !fits || packed.checked_add(CHUNK_FIELDS + word) != Some(length) {
+            return Some(Guess::Nothing);
+        }
+        let whole = HEAD + length as usize;
+        Some(if bytes.len() < whole { Guess::Unclear } else { Guess::Chunk(whole, size) })
+    };
+    head().unwrap_or(Guess::Unclear)
 }
 
 /// The first record of a chunk's content, and what follows it; `None` when the bytes are no whole record.

@@ -127,7 +127,7 @@ impl<R: Read> PartReader<R> {
         self.cursor = 0;
         self.chunk.clear();
         match record.opcode {
-            opcode::CHUNK => self.chunk = unpack(&record)?,
+            opcode::CHUNK => self.chunk = unpack(record.offset, &record.body).inspect_err(|_| self.records.distrust())?,
             // Not among what is written; one that is found is another record with a changed bit, and has no checksum.
             opcode::MESSAGE => return Err(damage(&record, "a message by itself", "messages in chunks")),
             // The index of what was read.
@@ -174,7 +174,7 @@ impl<R: Read> PartReader<R> {
         self.cursor = self.chunk.len();
         self.place = None;
         let expected = "whole records of schemas and channels, and messages of these channels".to_owned();
-        Damage { offset: self.chunk_offset, found: format!("in the chunk there, {found}"), expected }
+        Damage { offset: self.chunk_offset, found: format!("in the chunk there, {found}"), expected, skipped: 0 }
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read};
 
 use crate::damage::{Damage, Fault};
-use crate::deframer::{Deframer, MAX_RECORD};
+use crate::deframer::{Deframer, Frame, MAX_RECORD};
 use crate::fields::Fields;
 use crate::logged::Format;
 use crate::part::{Channel, Ending};
@@ -53,25 +53,31 @@ impl<R: Read> RecordReader<R> {
     }
 
     /// The next record; `None` at the end of the file.
+    ///
+    /// # Errors
+    /// When the source cannot be read, or records are lost; the next call goes on behind them.
     pub(crate) fn next(&mut self) -> Result<Option<Record>, Fault> {
         while self.ending.is_none() {
-            match self.deframer.next() {
-                Ok(Some(frame)) => {
-                    return Ok(Some(Record { offset: frame.offset, opcode: frame.opcode, body: frame.body.to_vec() }));
-                }
+            let own = |frame: Frame<'_>| Record { offset: frame.offset, opcode: frame.opcode, body: frame.body.to_vec() };
+            match self.deframer.next().map(|frame| frame.map(own)) {
+                Ok(Some(record)) => return Ok(Some(record)),
+                Ok(None) if self.deframer.has_ended() => self.ending = Some(self.deframer.ending()),
                 Ok(None) => self.read()?,
-                Err(damage) => self.ending = Some(Ending::Damaged(damage)),
+                Err(damage) if self.deframer.is_lost() => self.ending = Some(Ending::Damaged(damage)),
+                Err(damage) => return Err(damage.into()),
             }
         }
         Ok(None)
     }
 
+    /// The last record is a chunk that cannot be read: what follows it need not begin where that says.
+    pub(crate) fn distrust(&mut self) {
+        self.deframer.distrust();
+    }
+
     fn read(&mut self) -> Result<(), Fault> {
         match self.source.read(&mut self.read) {
-            Ok(0) => {
-                let cut = Ending::Cut { offset: self.deframer.offset() };
-                self.ending = Some(if self.deframer.is_done() { Ending::Complete } else { cut });
-            }
+            Ok(0) => self.deframer.end(),
             Ok(count) => self.deframer.push(&self.read[..count]),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
             Err(error) => return Err(error.into()),
@@ -81,7 +87,7 @@ impl<R: Read> RecordReader<R> {
 }
 
 pub(crate) fn damage(record: &Record, found: &str, expected: &str) -> Damage {
-    Damage { offset: record.offset, found: found.to_owned(), expected: expected.to_owned() }
+    Damage { offset: record.offset, found: found.to_owned(), expected: expected.to_owned(), skipped: 0 }
 }
 
 /// The settings from their attachment.
@@ -135,29 +141,20 @@ pub(crate) fn channel(fields: &mut Fields<'_>, schemas: &BTreeMap<u16, Schema>) 
 }
 
 /// The records of a chunk, decompressed and checked.
-pub(crate) fn unpack(record: &Record) -> Result<Vec<u8>, Damage> {
-    let wrong = |found: String, expected: &str| Damage { offset: record.offset, found, expected: expected.to_owned() };
-    let mut fields = Fields(&record.body);
-    let parse = |fields: &mut Fields<'_>| {
-        fields.u64()?;
-        fields.u64()?;
-        let size = fields.u64()?;
-        let crc = fields.u32()?;
-        let compression = fields.text()?.to_owned();
-        let packed = fields.u64()?;
-        Some((size, crc, compression, fields.bytes(packed)?.to_vec()))
-    };
-    let Some((size, crc, compression, packed)) = parse(&mut fields) else {
+pub(crate) fn unpack(offset: u64, body: &[u8]) -> Result<Vec<u8>, Damage> {
+    let wrong = |found: String, expected: &str| Damage { offset, found, expected: expected.to_owned(), skipped: 0 };
+    let mut fields = Fields(body);
+    let Some((size, crc, compression, packed)) = packed_content(&mut fields) else {
         return Err(wrong("a chunk that does not fit its length".to_owned(), "a whole chunk"));
     };
     if size > MAX_RECORD {
         return Err(wrong(format!("a chunk of {size} bytes"), "at most 67108864"));
     }
-    let content = match compression.as_str() {
-        "" => packed,
+    let content = match compression {
+        "" => packed.to_vec(),
         "lz4" => {
             let mut content = Vec::with_capacity(size as usize);
-            let unpacked = lz4::Decoder::new(packed.as_slice()).and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
+            let unpacked = lz4::Decoder::new(packed).and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
             unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "LZ4"))?;
             content
         }
@@ -169,4 +166,15 @@ pub(crate) fn unpack(record: &Record) -> Result<Vec<u8>, Damage> {
         return Err(wrong(found, &format!("{size} bytes with checksum {crc:08x}")));
     }
     Ok(content)
+}
+
+/// Size and checksum of a chunk's content, how it is packed, and what it is packed into.
+fn packed_content<'a>(fields: &mut Fields<'a>) -> Option<(u64, u32, &'a str, &'a [u8])> {
+    fields.u64()?;
+    fields.u64()?;
+    let (size, crc) = (fields.u64()?, fields.u32()?);
+    let compression = fields.text()?;
+    let length = fields.u64()?;
+    let packed = fields.bytes(length)?;
+    fields.0.is_empty().then_some((size, crc, compression, packed))
 }

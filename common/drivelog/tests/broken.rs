@@ -179,6 +179,28 @@ fn recovery_leaves_a_damaged_chunk_out() {
 }
 
 #[test]
+fn recovery_goes_on_behind_a_hole() {
+    let Example { mut bytes, flushed, .. } = example();
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    // From the first chunk's index into the second chunk, and over the footer.
+    let (second_chunk, before) = flushed[1];
+    bytes[second_chunk - 40..second_chunk + 100].fill(0);
+    let footer = bytes.len() - 40;
+    bytes[footer..].fill(0);
+    std::fs::write(&from, &bytes).unwrap();
+    let recovered = recover(&from, &to).unwrap();
+    assert!(recovered.damages.iter().all(|damage| damage.to_string().ends_with(" bytes are passed over")), "{:?}", recovered.damages);
+    assert_eq!(recovered.damages.len(), 2);
+    let told = info(&to).unwrap();
+    assert!(told.is_whole(), "{told}");
+    let (found, errors) = read(&to).unwrap();
+    assert!(errors.is_empty());
+    let expected: Vec<u64> = (1..=before).chain(before + HELD + 1..=SCANS).collect();
+    assert_eq!(found.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), expected);
+}
+
+#[test]
 fn a_message_whose_numbers_cannot_be_meant_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
