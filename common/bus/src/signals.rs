@@ -3,6 +3,8 @@
 use std::io::{self, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
@@ -11,7 +13,7 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 pub struct Signals {
     requests: UnixStream,
     last: Option<i32>,
-    interrupt: std::sync::Arc<std::sync::atomic::AtomicBool>,
+    interrupt: Arc<AtomicBool>,
 }
 
 impl Signals {
@@ -25,15 +27,16 @@ impl Signals {
     pub fn install(supervisor: u32) -> io::Result<Self> {
         let (requests, write) = UnixStream::pair()?;
         requests.set_nonblocking(true)?;
-        let interrupt = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+        let interrupt = Arc::new(AtomicBool::new(false));
+        let asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            end_unless_from(supervisor, signal)?;
+            end_unless_asked(supervisor, &asked, signal)?;
         }
         signal_hook::flag::register(SIGINT, interrupt.clone())?;
         signal_hook::low_level::pipe::register(SIGINT, write.try_clone()?)?;
         signal_hook::low_level::pipe::register(SIGTERM, write)?;
         // A file that may grow no further is an error of the write then, not the end of the process.
-        signal_hook::flag::register(SIGXFSZ, std::sync::Arc::default())?;
+        signal_hook::flag::register(SIGXFSZ, Arc::default())?;
         Ok(Self { requests, last: None, interrupt })
     }
 
@@ -41,7 +44,7 @@ impl Signals {
     pub fn requested(&mut self) -> Option<i32> {
         let mut byte = [0];
         while matches!(self.requests.read(&mut byte), Ok(1)) {
-            let interrupted = self.interrupt.load(std::sync::atomic::Ordering::Relaxed);
+            let interrupted = self.interrupt.load(Ordering::Relaxed);
             self.last.get_or_insert(if interrupted { SIGINT } else { SIGTERM });
         }
         self.last
@@ -54,14 +57,18 @@ impl AsFd for Signals {
     }
 }
 
-/// Gives a signal its default action when another process than `supervisor` has sent it; else the handlers after this one follow.
+/// Gives a signal its default action when another process than `supervisor` has sent it before that one had; else the handlers after
+/// this one follow. Who is asked by the supervisor may be asked once more by a script around it, and still ends in order.
 #[expect(unsafe_code, reason = "who has sent a signal is known in its handler only")]
-fn end_unless_from(supervisor: u32, signal: i32) -> io::Result<()> {
-    // SAFETY: the handler compares two numbers and makes system calls that are async-signal-safe; it allocates nothing, takes no lock
-    // and does not panic. Both signals come from kill(2) and its kin, which tell the sender, or from a terminal, which tells 0.
+fn end_unless_asked(supervisor: u32, asked: &Arc<AtomicBool>, signal: i32) -> io::Result<()> {
+    let asked = asked.clone();
+    // SAFETY: the handler compares numbers, sets a flag and makes system calls that are async-signal-safe; it allocates nothing, takes
+    // no lock and does not panic. Both signals come from kill(2) and its kin, which tell the sender, or from a terminal, which tells 0.
     let registered = unsafe {
         signal_hook_registry::register_sigaction(signal, move |info| {
-            if u32::try_from(info.si_pid()) != Ok(supervisor) {
+            if u32::try_from(info.si_pid()) == Ok(supervisor) {
+                asked.store(true, Ordering::Relaxed);
+            } else if !asked.load(Ordering::Relaxed) {
                 // Returns for no signal that ends a process.
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
             }

@@ -47,6 +47,7 @@ const TESTS: &[(&str, fn())] = &[
     ("bad_input_ends_the_run_at_once", bad_input_ends_the_run_at_once),
     ("a_broken_domain_is_made_anew", a_broken_domain_is_made_anew),
     ("a_child_that_ignores_sigterm_is_killed", a_child_that_ignores_sigterm_is_killed),
+    ("a_child_that_is_asked_twice_ends_in_order", a_child_that_is_asked_twice_ends_in_order),
     ("a_program_that_is_not_there_fails", a_program_that_is_not_there_fails),
     ("a_flood_of_words_stops_nobody", a_flood_of_words_stops_nobody),
     ("a_process_that_never_joins_fails", a_process_that_never_joins_fails),
@@ -89,7 +90,10 @@ const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(1);
 /// A deployment of children, in start order, of which the last ends the run.
 fn settings(behaviours: &[&str]) -> String {
     let executable = std::env::current_exe().unwrap();
-    let mut text = "name = \"test\"\n[supervisor]\nheartbeat_timeout_s = 1.0\nstop_deadline_s = 1.0\nrestarts = 3\n".to_owned();
+    let mut text = format!(
+        "name = \"test\"\n[supervisor]\nheartbeat_timeout_s = {:?}\nstop_deadline_s = 1.0\nrestarts = 3\n",
+        HEARTBEAT_TIMEOUT.as_secs_f64()
+    );
     for (index, behaviour) in behaviours.iter().enumerate() {
         let ends_run = index + 1 == behaviours.len();
         text += &format!(
@@ -165,6 +169,14 @@ fn a_child_that_ignores_sigterm_is_killed() {
     let (outcome, _) = supervise(&["ignores-sigterm", "counts"]);
     assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 3));
     assert_eq!(outcome.failures().collect::<Vec<_>>(), [("ignores-sigterm", "had to be killed when the run ended")]);
+}
+
+fn a_child_that_is_asked_twice_ends_in_order() {
+    // The group is asked by the supervisor, the child in it once more by its script.
+    let script = "\"$0\" child takes-its-time & child=$!; trap 'kill -TERM $child' TERM; wait $child; wait $child";
+    let wrapped = format!("[[process]]\nname = \"wrapped\"\ncommand = [\"sh\", \"-c\", {script:?}, {:?}]\n", options().executable);
+    let (outcome, _) = supervise_text(&settings(&["counts"]).replacen("[[process]]", &format!("{wrapped}[[process]]"), 1));
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 0), "{:?}", outcome.failures().collect::<Vec<_>>());
 }
 
 fn a_program_that_is_not_there_fails() {
@@ -349,6 +361,7 @@ fn child(behaviour: &str) -> ExitCode {
         "finds-broken-once" if first => Work::Exits(bus::EXIT_BROKEN_DOMAIN),
         "finds-broken-once" => Work::Counts { rounds: 1, every: Duration::ZERO },
         "ignores-sigterm" => Work::Ignores,
+        "takes-its-time" => Work::TakesItsTime { rounds: 30 },
         "floods" => Work::Floods,
         "listens" => Work::Listens(shell.reader().unwrap()),
         "talks-nonsense" => Work::TalksNonsense,
@@ -372,6 +385,7 @@ enum Work {
     Kills,
     Hangs,
     Ignores,
+    TakesItsTime { rounds: u64 },
     Floods,
     Listens(bus::Reader<SonarScan>),
     TalksNonsense,
@@ -419,8 +433,12 @@ impl Process for Child {
             Work::Kills => rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)?,
             Work::Hangs => wait_until(|| false),
             Work::Ignores => return Ok(Next::Wait),
+            Work::TakesItsTime { rounds } if context.stopping() && *rounds > 0 => {
+                *rounds -= 1;
+                return Ok(Next::WaitAtMost(Duration::from_millis(10)));
+            }
             Work::Floods => eprintln!("{}", "x".repeat(100_000)),
-            Work::Waits => {}
+            Work::Waits | Work::TakesItsTime { .. } => {}
         }
         Ok(if context.stopping() { Next::Finished } else { Next::Wait })
     }
