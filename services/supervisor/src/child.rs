@@ -5,8 +5,8 @@ use crate::lines::Lines;
 use crate::usage::Usage;
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal, getpgid, getpid, getppid, kill_process_group, pidfd_open, set_parent_process_death_signal};
-use std::io::{self, PipeReader, Read};
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::io::{self, PipeReader, Read, Write};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Command, ExitStatus, Stdio};
 
@@ -27,14 +27,15 @@ pub(crate) struct Child {
 }
 
 impl Child {
-    /// Starts the command with nothing to read; what it writes comes to [`Child::read_output`].
+    /// Starts the command with nothing to read; what it writes comes to [`Child::read_output`]. It tells the guard of itself before it
+    /// can start anything, so that of one that could not be started the guard may know, too.
     ///
     /// Not to be called from a thread that ends before the child should.
-    pub(crate) fn start(mut command: Command) -> io::Result<Self> {
+    pub(crate) fn start(mut command: Command, guard: Option<BorrowedFd<'_>>) -> io::Result<Self> {
         let (output, end) = io::pipe()?;
         rustix::io::ioctl_fionbio(&output, true)?;
         command.stdin(Stdio::null()).stdout(end.try_clone()?).stderr(end).process_group(0);
-        die_with_this_thread(&mut command);
+        die_with_this_thread(&mut command, guard);
         let child = command.spawn()?;
         let pid = Pid::from_child(&child);
         // Fails only where no file descriptor is left; the child must not stay without a watch then.
@@ -131,13 +132,27 @@ fn exit(status: ExitStatus) -> Exit {
 }
 
 #[expect(unsafe_code, reason = "the parent-death signal can only be set between fork and exec")]
-fn die_with_this_thread(command: &mut Command) {
+fn die_with_this_thread(command: &mut Command, guard: Option<BorrowedFd<'_>>) {
     let parent = getpid();
+    let guard = guard.map(|guard| guard.as_raw_fd());
     let prepare = move || {
         set_parent_process_death_signal(Some(Signal::KILL))?;
         // The parent may have died before the signal was set.
-        if getppid() == Some(parent) { Ok(()) } else { Err(Errno::SRCH.into()) }
+        if getppid() != Some(parent) {
+            return Err(Errno::SRCH.into());
+        }
+        if let Some(guard) = guard {
+            // SAFETY: the supervisor keeps the descriptor open while it starts a child, and the child has its copy until exec.
+            let guard = unsafe { BorrowedFd::borrow_raw(guard) };
+            let mut line = [0; 16];
+            let mut rest = &mut line[..];
+            writeln!(rest, "+{}", getpid().as_raw_pid())?;
+            let length = 16 - rest.len();
+            // The supervisor tells once more, and finds out when the guard does not read.
+            let _ = rustix::io::write(guard, &line[..length]);
+        }
+        Ok(())
     };
-    // SAFETY: the closure only makes two system calls, which are async-signal-safe; it allocates nothing and takes no lock.
+    // SAFETY: the closure only makes system calls, which are async-signal-safe; it allocates nothing and takes no lock.
     unsafe { command.pre_exec(prepare) };
 }

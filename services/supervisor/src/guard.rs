@@ -8,6 +8,7 @@
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{ChildStdin, Command, Stdio};
@@ -75,6 +76,11 @@ impl Guard {
         Ok(guard)
     }
 
+    /// Where it is told.
+    pub(crate) fn pipe(&self) -> Option<BorrowedFd<'_>> {
+        self.pipe.as_ref().map(AsFd::as_fd)
+    }
+
     /// Tells that the child of this process id, and group, has come.
     pub(crate) fn take(&mut self, pid: u32) {
         self.tell(&format!("+{pid}\n"));
@@ -93,7 +99,7 @@ impl Guard {
     }
 
     /// Kills a guard that may know of the wrong groups: it must not see the pipe close.
-    fn distrust(&mut self) {
+    pub(crate) fn distrust(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
         self.pipe = None;

@@ -215,7 +215,13 @@ impl<'a> Supervisor<'a> {
                     self.guard.iter_mut().for_each(|guard| guard.take(child.pid()));
                     self.children[process] = Some(child);
                 }
-                Err(error) => return Ok(Some(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) })),
+                Err(error) => {
+                    // It may know of a child that never was.
+                    self.guard.iter_mut().for_each(Guard::distrust);
+                    self.guard_checked = Duration::ZERO;
+                    self.watch_the_guard();
+                    return Ok(Some(Event::Exited { process, exit: Exit::NotStarted(error.to_string()) }));
+                }
             },
             Action::Terminate(process) => self.signal(process, Signal::TERM),
             Action::Kill(process) => self.signal(process, Signal::KILL),
@@ -253,7 +259,7 @@ impl<'a> Supervisor<'a> {
             }
         };
         command.envs(self.domain.membership_for(it.name.as_str(), incarnation, &self.settings_path).environment());
-        Child::start(command)
+        Child::start(command, self.guard.as_ref().and_then(Guard::pipe))
     }
 
     fn signal(&self, process: usize, signal: Signal) {
