@@ -70,7 +70,7 @@ impl Guard {
         let pipe = child.stdin.take();
         let mut guard = Self { child, pipe };
         // One that does not read holds up nobody.
-        if !guard.pipe.as_ref().is_some_and(|pipe| rustix::io::ioctl_fionbio(pipe, true).is_ok()) {
+        if guard.pipe.as_ref().is_none_or(|pipe| rustix::io::ioctl_fionbio(pipe, true).is_err()) {
             guard.distrust();
         }
         Ok(guard)

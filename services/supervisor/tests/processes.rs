@@ -270,10 +270,10 @@ fn visitors_that_were_killed_take_no_place_for_long() {
     let mut uptime_ms_from = |least_ms: u64| loop {
         tool.wait(Duration::from_secs(1)).unwrap();
         while let Some(received) = statuses.take().unwrap() {
-            if let Received::Message(status) = received {
-                if status.uptime_ms >= least_ms {
-                    return status.uptime_ms;
-                }
+            if let Received::Message(status) = received
+                && status.uptime_ms >= least_ms
+            {
+                return status.uptime_ms;
             }
         }
     };
