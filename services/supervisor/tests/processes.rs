@@ -292,10 +292,10 @@ fn visitors_that_were_killed_take_no_place_for_long() {
     let (mut visitor, is_in) = visitor();
     visitor.kill().unwrap();
     visitor.wait().unwrap();
-    assert!(is_in, "the places of killed visitors are taken");
     drop((statuses, tool));
     signal(&supervisor, Signal::TERM);
     supervisor.wait().unwrap();
+    assert!(is_in, "the places of killed visitors are taken");
 }
 
 fn nothing_outlives_a_killed_supervisor() {
