@@ -142,7 +142,11 @@ fn what_cannot_be_gone_on_from_is_put_aside_as_a_whole() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&path, &bytes).unwrap();
     let damaged = start(&bench, &own, &[]).end();
-    assert!(text(&damaged.stderr).contains("std.checkpoint is no checkpoint of the last one (at byte 24: checksum"), "{}", text(&damaged.stderr));
+    assert!(
+        text(&damaged.stderr).contains("std.checkpoint is no checkpoint of the last one (at byte 24: checksum"),
+        "{}",
+        text(&damaged.stderr)
+    );
     assert!(text(&damaged.stderr).contains("state-1"), "{}", text(&damaged.stderr));
     assert_eq!(map_sha256(&damaged), anew);
 
