@@ -14,12 +14,21 @@ use std::time::{Duration, Instant};
 use harness::Bench;
 use harness::replays::{Dice, PROCESSES, Watched, children, record_drive, replay_settings, sha256_of, try_kill};
 
+/// A replay that says nothing for so long hangs, and is told so by its end.
+const SILENCE: Duration = Duration::from_secs(60);
+
 fn number(variable: &str, default: u64) -> u64 {
     std::env::var(variable).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
 fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// How long ago the process was killed that this line says is there again, ms.
+fn recovered_ms(down: &mut HashMap<String, Instant>, at: Instant, line: &str) -> Option<f64> {
+    let back = down.keys().find(|name| line.contains("is up again") && line.contains(name.as_str())).cloned()?;
+    down.remove(&back).map(|since| (at - since).as_secs_f64() * 1e3)
 }
 
 #[test]
@@ -51,11 +60,7 @@ fn random_kills_leave_the_map_as_it_is() {
                 match run.line(until.saturating_duration_since(Instant::now())) {
                     None => break 'replay,
                     Some(None) => break,
-                    Some(Some((at, line))) if line.contains("is up again") => {
-                        let back = down.keys().find(|name| line.contains(name.as_str())).cloned();
-                        recoveries_ms.extend(back.and_then(|name| down.remove(&name)).map(|since| (at - since).as_secs_f64() * 1e3));
-                    }
-                    Some(Some(_)) => {}
+                    Some(Some((at, line))) => recoveries_ms.extend(recovered_ms(&mut down, at, &line)),
                 }
             }
             // By name: what starts last would otherwise be killed least.
@@ -67,6 +72,11 @@ fn random_kills_leave_the_map_as_it_is() {
                 killed += 1;
                 here += 1;
             }
+        }
+        while !down.is_empty()
+            && let Some(Some((at, line))) = run.line(SILENCE)
+        {
+            recoveries_ms.extend(recovered_ms(&mut down, at, &line));
         }
         replays += 1;
         let ended = run.end_or(|| harness::text(&bench.output(["status", "--json"]).stdout));
