@@ -157,11 +157,6 @@ impl Recording {
         self.log.take()
     }
 
-    /// Appends them to `bytes`: for who takes them again and again.
-    pub fn take_into(&mut self, bytes: &mut Vec<u8>) {
-        self.log.take_into(bytes);
-    }
-
     /// Chunks so far: the index that ends the log has an entry for each, which is in memory until then.
     #[must_use]
     pub fn chunks(&self) -> u64 {

@@ -179,12 +179,6 @@ impl LogWriter {
         self.outbox.0.take()
     }
 
-    /// Appends them to `bytes`, which so go through the same memory each time: pieces of a megabyte that come and go would leave
-    /// holes in it that nothing fills.
-    pub(crate) fn take_into(&mut self, bytes: &mut Vec<u8>) {
-        bytes.append(&mut self.outbox.0.borrow_mut());
-    }
-
     /// Ends the log with its index; what it returns is the rest of the bytes.
     ///
     /// # Errors

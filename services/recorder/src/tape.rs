@@ -66,7 +66,7 @@ impl Tape {
     /// The chunks that are closed, and that the file has not taken: they need not wait in memory for the next flush.
     pub fn chunks(&mut self) -> &[u8] {
         if let Some(recording) = self.recording.as_mut().filter(|_| !self.blocked) {
-            recording.take_into(&mut self.ready);
+            self.ready.append(&mut recording.take());
         }
         &self.ready
     }

@@ -16,7 +16,7 @@ use bus::{DeploymentClock, Domain, DomainError, Kept, Received, shared_memory_is
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
-use settings::{Program, RoutedService, Settings};
+use settings::{BuiltIn, Program, RoutedService, Settings};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
 use std::fs::File;
@@ -33,6 +33,10 @@ const LOOK: Duration = Duration::from_millis(100);
 const LOOK_AT_START: Duration = Duration::from_millis(10);
 /// How often the status is published when nothing changes, and rates are measured.
 const SAMPLE: Duration = Duration::from_secs(1);
+
+/// Has the recorder's large pieces of memory live apart, each for itself (glibc, see mallopt(3)). Chunks of a megabyte come and go
+/// there among what stays; from a common heap they leave holes that nothing fills, 1.7 MB in an hour of driving.
+const PIECES_APART: (&str, &str) = ("MALLOC_MMAP_THRESHOLD_", "131072");
 
 /// How often shared memory is looked at while there is none.
 const LOOK_AT_MEMORY: Duration = Duration::from_millis(50);
@@ -249,6 +253,9 @@ impl<'a> Supervisor<'a> {
             Program::BuiltIn(kind) => {
                 let mut command = Command::new(&self.options.executable);
                 command.args(["process", kind.word()]);
+                if *kind == BuiltIn::Recorder {
+                    command.env(PIECES_APART.0, PIECES_APART.1);
+                }
                 command
             }
             Program::Command(words) => {
