@@ -69,7 +69,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(name: &str, pace: &str, with_sbs: bool) -> Self {
+    fn new(name: &str, pace: &str, speed: f64, with_sbs: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let sbs = if with_sbs { "[[process]]\nname = \"eyes\"\nrun = \"sbs\"\n" } else { "" };
         let text = format!(
@@ -77,7 +77,7 @@ impl Bench {
         );
         std::fs::write(folder.path().join("settings.toml"), text).unwrap();
         write_log(&folder.path().join("drive.mcap"));
-        let domain = Domain::open(&format!("test-play-{name}-{}", std::process::id()), 1000.0).unwrap();
+        let domain = Domain::open(&format!("test-play-{name}-{}", std::process::id()), speed).unwrap();
         let mut shell = Shell::join(domain.membership_for("test", 0, "settings.toml".as_ref())).unwrap();
         Self {
             scans: shell.reader().unwrap(),
@@ -149,7 +149,7 @@ impl Bench {
 
 #[test]
 fn lockstep_waits_for_who_answers_frames_too() {
-    let mut bench = Bench::new("lockstep", "lockstep", true);
+    let mut bench = Bench::new("lockstep", "lockstep", 1000.0, true);
     bench.start(0);
     bench.answer("eyes", CameraFrame::SERVICE.name, 0);
     // Mapping answers everything at once, the eyes a frame at a time.
@@ -178,7 +178,7 @@ fn lockstep_waits_for_who_answers_frames_too() {
 
 #[test]
 fn a_restarted_playback_leaves_no_frame_out() {
-    let mut bench = Bench::new("restarted", "lockstep", true);
+    let mut bench = Bench::new("restarted", "lockstep", 1000.0, true);
     for (incarnation, until) in [(0, 11), (1, 30), (2, FRAMES)] {
         bench.start(incarnation);
         while bench.last(1) < until || until == FRAMES && bench.last(0) < SCANS {
@@ -201,14 +201,19 @@ fn a_restarted_playback_leaves_no_frame_out() {
 
 #[test]
 fn live_both_streams_come_with_the_camera_motion_that_nobody_tells_anew() {
-    let mut bench = Bench::new("live", "live", false);
+    let mut bench = Bench::new("live", "live", 10.0, false);
     bench.start(0);
     let mut motions = 0;
-    while !(bench.scans.ended() && bench.frames.ended() && bench.motions.ended()) {
+    loop {
+        let is_over = bench.process.as_mut().unwrap().try_wait().unwrap().is_some();
         bench.take();
         while let Some(received) = bench.motions.take().unwrap() {
             motions += u64::from(matches!(received, Received::Message(_)));
         }
+        if bench.scans.ended() && bench.frames.ended() && bench.motions.ended() {
+            break;
+        }
+        assert!(!is_over, "playback is over, but not every stream");
         bench.wait();
     }
     assert_eq!(motions, SCANS);

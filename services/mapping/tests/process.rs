@@ -63,7 +63,9 @@ struct Bench {
     progress: Reader<Progress>,
     tiles: Reader<MapTile>,
     way: Reader<WayChunk>,
-    summary: Reader<MapSummary>,
+    summaries: Reader<MapSummary>,
+    copy: MapCopy,
+    summary: Option<MapSummary>,
     watcher: Shell,
     domain: Domain,
     process: Option<Child>,
@@ -81,7 +83,9 @@ impl Bench {
             progress: watcher.reader().unwrap(),
             tiles: watcher.reader().unwrap(),
             way: watcher.reader().unwrap(),
-            summary: watcher.reader().unwrap(),
+            summaries: watcher.reader().unwrap(),
+            copy: MapCopy::default(),
+            summary: None,
             folder,
             watcher,
             domain,
@@ -126,31 +130,49 @@ impl Bench {
         }
     }
 
-    /// Takes what was sent until the summary is there.
-    fn receive_all(&mut self) -> (MapCopy, MapSummary) {
-        let mut copy = MapCopy::default();
+    /// Ends the scans, once everybody is connected to the process: what was sent by one that is gone does not reach who comes later.
+    fn end(&mut self) {
+        self.wait_until_answered(SCANS);
+        self.look();
+        self.scans.end(SCANS, SCANS * 100_000_000).unwrap();
+    }
+
+    /// Takes what is there.
+    fn look(&mut self) {
+        while let Some(received) = self.tiles.take().unwrap() {
+            if let Received::Message(tile) = received {
+                self.copy.take_tile(&tile);
+            }
+        }
+        while let Some(received) = self.way.take().unwrap() {
+            if let Received::Message(chunk) = received {
+                self.copy.take_way(&chunk);
+            }
+        }
+        while let Some(received) = self.summaries.take().unwrap() {
+            if let Received::Message(summary) = received {
+                self.summary = Some(*summary);
+            }
+        }
+    }
+
+    /// Takes what is sent until the summary of the whole is there.
+    fn receive_all(&mut self) -> MapSummary {
         loop {
-            while let Some(received) = self.tiles.take().unwrap() {
-                if let Received::Message(tile) = received {
-                    copy.take_tile(&tile);
-                }
-            }
-            while let Some(received) = self.way.take().unwrap() {
-                if let Received::Message(chunk) = received {
-                    copy.take_way(&chunk);
-                }
-            }
-            if let Some(Received::Message(summary)) = self.summary.take().unwrap() {
+            let is_over = self.process.as_mut().unwrap().try_wait().unwrap().is_some();
+            self.look();
+            if let (true, Some(summary)) = (self.summaries.ended(), self.summary) {
                 assert!(self.process.take().unwrap().wait().unwrap().success());
-                return (copy, *summary);
+                return summary;
             }
+            assert!(!is_over, "the process is over, but not its map");
             self.wait();
         }
     }
 
     fn close(self) {
-        let Self { domain, scans, progress, tiles, way, summary, watcher, folder: _folder, process: _ } = self;
-        drop((scans, progress, tiles, way, summary, watcher));
+        let Self { domain, scans, progress, tiles, way, summaries, watcher, folder: _folder, .. } = self;
+        drop((scans, progress, tiles, way, summaries, watcher));
         domain.close().unwrap();
     }
 }
@@ -160,8 +182,9 @@ fn what_it_sends_and_writes_is_what_the_fold_gives() {
     let mut bench = Bench::new("whole");
     bench.start(0);
     bench.send(1..=SCANS);
-    bench.scans.end(SCANS, SCANS * 100_000_000).unwrap();
-    let (received, summary) = bench.receive_all();
+    bench.end();
+    let summary = bench.receive_all();
+    let received = &bench.copy;
 
     let fold = fold();
     assert_eq!(summary, fold.summary());
@@ -191,8 +214,7 @@ fn killed_on_the_way_it_goes_on_to_the_same_map() {
     }
     bench.start(3);
     bench.send(sent + 1..=SCANS);
-    bench.scans.end(SCANS, SCANS * 100_000_000).unwrap();
-    let (_, summary) = bench.receive_all();
-    assert_eq!(summary, fold().summary());
+    bench.end();
+    assert_eq!(bench.receive_all(), fold().summary());
     bench.close();
 }

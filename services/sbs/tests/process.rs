@@ -63,7 +63,8 @@ struct Bench {
     frames: FrameWriter<CameraFrame>,
     progress: Reader<Progress>,
     heartbeats: Reader<Heartbeat>,
-    motions: Reader<CameraMotion>,
+    /// Who reads the answers, and what each has.
+    answers: Vec<(Reader<CameraMotion>, Vec<(u64, u64, CameraMotion)>)>,
     masks: FrameReader<CameraMask>,
     backgrounds: FrameReader<CameraBackground>,
     source: Shell,
@@ -87,7 +88,7 @@ impl Bench {
             frames: source.frame_writer().unwrap(),
             progress: watcher.reader().unwrap(),
             heartbeats: watcher.reader().unwrap(),
-            motions: watcher.reader().unwrap(),
+            answers: vec![(watcher.reader().unwrap(), Vec::new())],
             masks: watcher.frame_reader().unwrap(),
             backgrounds: watcher.frame_reader().unwrap(),
             folder,
@@ -141,8 +142,28 @@ impl Bench {
         }
     }
 
-    /// Keeps the last of the pictures.
+    /// One more reads the answers from now on. Returns its place.
+    fn join(&mut self) -> usize {
+        self.answers.push((self.watcher.reader().unwrap(), Vec::new()));
+        self.answers.len() - 1
+    }
+
+    /// Ends the frames, once everybody is connected to the process, which has been heard of: what was sent by one that is gone does
+    /// not reach who comes later.
+    fn end(&mut self, seq: u64, stamp_ns: u64) {
+        self.look();
+        self.frames.end(seq, stamp_ns).unwrap();
+    }
+
+    /// Takes what is there: the answers, and the last of the pictures.
     fn look(&mut self) {
+        for (reader, into) in &mut self.answers {
+            while let Some(received) = reader.take().unwrap() {
+                if let Received::Message(motion) = received {
+                    into.push((motion.seq(), motion.stamp_ns(), *motion));
+                }
+            }
+        }
         while let Some(received) = self.masks.take().unwrap() {
             if let Received::Message(mask) = received {
                 self.mask = Some((mask.seq(), mask.layout(), mask.bytes().to_vec()));
@@ -155,18 +176,18 @@ impl Bench {
         }
     }
 
-    /// Takes the answers until the stream has ended.
-    fn receive_all(&mut self, into: &mut Vec<(u64, u64, CameraMotion)>) {
-        while !(self.motions.ended() && self.masks.ended() && self.backgrounds.ended()) {
-            self.receive(into);
+    /// Takes what is sent until every stream has ended.
+    fn receive_all(&mut self) {
+        loop {
+            let is_over = self.process.as_mut().unwrap().try_wait().unwrap().is_some();
+            self.look();
+            if self.masks.ended() && self.backgrounds.ended() && self.answers.iter().all(|(reader, _)| reader.ended()) {
+                break;
+            }
+            assert!(!is_over, "the process is over, but not every stream");
             self.wait();
         }
         assert!(self.process.take().unwrap().wait().unwrap().success());
-    }
-
-    fn receive(&mut self, into: &mut Vec<(u64, u64, CameraMotion)>) {
-        self.look();
-        receive(&mut self.motions, into);
     }
 
     /// Waits until a heartbeat says these words.
@@ -181,17 +202,9 @@ impl Bench {
     }
 
     fn close(self) {
-        let Self { domain, frames, progress, heartbeats, motions, masks, backgrounds, source, watcher, folder: _folder, .. } = self;
-        drop((frames, progress, heartbeats, motions, masks, backgrounds, source, watcher));
+        let Self { domain, frames, progress, heartbeats, answers, masks, backgrounds, source, watcher, folder: _folder, .. } = self;
+        drop((frames, progress, heartbeats, answers, masks, backgrounds, source, watcher));
         domain.close().unwrap();
-    }
-}
-
-fn receive(motions: &mut Reader<CameraMotion>, into: &mut Vec<(u64, u64, CameraMotion)>) {
-    while let Some(received) = motions.take().unwrap() {
-        if let Received::Message(motion) = received {
-            into.push((motion.seq(), motion.stamp_ns(), *motion));
-        }
     }
 }
 
@@ -210,10 +223,9 @@ fn what_it_sends_is_what_the_fold_gives() {
     let mut bench = Bench::new("whole");
     bench.start(0);
     bench.send(1..=FRAMES);
-    bench.frames.end(FRAMES, FRAMES * PERIOD_NS).unwrap();
-    let mut received = Vec::new();
-    bench.receive_all(&mut received);
-    check_answers(&received);
+    bench.end(FRAMES, FRAMES * PERIOD_NS);
+    bench.receive_all();
+    check_answers(&bench.answers[0].1);
     let (_, state) = fold();
     let mask = state.mask().unwrap();
     assert!(mask.values().contains(&255));
@@ -225,27 +237,23 @@ fn what_it_sends_is_what_the_fold_gives() {
 #[test]
 fn killed_on_the_way_it_goes_on_to_the_same_answers() {
     let mut bench = Bench::new("killed");
-    let (mut sent, mut received) = (0, Vec::new());
+    let mut sent = 0;
     for (incarnation, last) in [(0, 7), (1, 9), (2, 40)] {
         bench.start(incarnation);
         bench.send(sent + 1..=last);
         bench.wait_until_answered(last);
-        bench.receive(&mut received);
+        bench.look();
         bench.kill();
         sent = last;
     }
     // Who reads the answers may have died, too, and go on from further back.
-    let mut late = bench.watcher.reader().unwrap();
+    let late = bench.join();
     bench.start(3);
     bench.send(sent + 1..=FRAMES);
-    bench.frames.end(FRAMES, FRAMES * PERIOD_NS).unwrap();
-    let mut repeated = Vec::new();
-    bench.wait_until_answered(FRAMES);
-    receive(&mut late, &mut repeated);
-    check_answers(&repeated);
-    bench.receive_all(&mut received);
-    check_answers(&received);
-    drop(late);
+    bench.end(FRAMES, FRAMES * PERIOD_NS);
+    bench.receive_all();
+    check_answers(&bench.answers[0].1);
+    check_answers(&bench.answers[late].1);
     bench.close();
 }
 
@@ -277,9 +285,9 @@ fn frames_that_lie_are_answered_with_words() {
         bench.frames.send(seq, stamp_ns, layout, bytes).unwrap();
         bench.wait_for_words(words);
     }
-    bench.frames.end(10, u64::MAX).unwrap();
-    let mut received = Vec::new();
-    bench.receive_all(&mut received);
+    bench.end(10, u64::MAX);
+    bench.receive_all();
+    let received = &bench.answers[0].1;
     let statuses: Vec<(u64, u32)> = received.iter().map(|(seq, _, motion)| (*seq, motion.status)).collect();
     let expected = (3..).zip(lies).map(|(seq, (.., status, _))| (seq, status as u32));
     assert_eq!(statuses, [1, 2].map(|seq| (seq, learning as u32)).into_iter().chain(expected).collect::<Vec<_>>());
