@@ -1,5 +1,6 @@
-//! kill -9 of the robot's driver and of the robot itself, a simulated one, in a live drive, at every kind of moment: the drive goes on
-//! to its end, what is lost on the way is marked, and the map is that of the log, byte for byte.
+//! kill -9 of the robot's driver and of the robot itself, a simulated one, in a live drive, at every kind of moment, and of those that
+//! read the scans when the driver has ended: the drive goes on to its end, what is lost on the way is marked, and the map is that of the
+//! log, byte for byte.
 //!
 //! Each moment is made, not waited for by luck: who is to be killed or who it waits for is stopped, or stands in the middle of a
 //! file that is a pipe.
@@ -111,6 +112,19 @@ impl Drive {
         signal(supervisor, Signal::CONT);
         drop(self.run.wait_for_line("the drive has ended"));
         kill(pioneer);
+    }
+
+    /// Kills one that reads the scans before it has taken the last of them, when their driver has nothing more to do.
+    fn kill_a_reader_at_the_end(&mut self, reader: &str) {
+        self.goes();
+        let (supervisor, reader) = (u64::from(self.run.pid()), self.pid(reader));
+        signal(supervisor, Signal::STOP);
+        wait_until("the simulator is over", || children(self.run.pid()).iter().all(|(name, _)| name != "simulator"));
+        signal(reader, Signal::STOP);
+        signal(supervisor, Signal::CONT);
+        let stays = |it: &Value| it["note"].as_str().is_some_and(|note| note.starts_with("has ended, stays for"));
+        drop(self.bench.wait_for("pioneer", "it has said the end of the scans", stays));
+        kill(reader);
     }
 
     fn kill_the_simulator_at_the_end(&self) {
@@ -249,6 +263,36 @@ fn goes_on(process: &str, moment: Moment) {
     }
     let replayed = bench.output(["replay", log.to_str().unwrap(), "--out", bench.path("again").to_str().unwrap()]);
     assert_eq!(map_sha256(&replayed), driven, "{what}");
+}
+
+/// Live, what a reader lacks that is killed at the end can be had as long as the driver stays: the map is that of the log.
+#[track_caller]
+fn comes_to_the_end(reader: &str) {
+    let mut drive = Drive::start(false);
+    drive.kill_a_reader_at_the_end(reader);
+    let Drive { bench, run, .. } = drive;
+    let ended = run.end_or(|| harness::text(&bench.output(["status", "--json"]).stdout));
+    let driven = sha256_of(&ended);
+    let restarted = ended.1.lines().find(|line| line.starts_with("restarted"));
+    assert_eq!(restarted, Some(format!("restarted  {reader} once").as_str()), "{}{}", ended.1, ended.2);
+    let log = bench.path("out").join("drive.mcap");
+    let replayed = bench.output(["replay", log.to_str().unwrap(), "--out", bench.path("again").to_str().unwrap()]);
+    assert_eq!(map_sha256(&replayed), driven, "{}", ended.2);
+}
+
+#[test]
+fn mapping_killed_when_the_driver_has_ended() {
+    comes_to_the_end("mapping");
+}
+
+#[test]
+fn std_killed_when_the_driver_has_ended() {
+    comes_to_the_end("std");
+}
+
+#[test]
+fn fti_killed_when_the_driver_has_ended() {
+    comes_to_the_end("fti");
 }
 
 #[test]

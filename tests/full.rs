@@ -25,10 +25,10 @@ fn can_mount() -> bool {
 }
 
 /// A run with a file system of this size, mount(8)'s way to say it, in place of a folder. What it holds at the end is copied into the folder
-/// beside it whose name ends with `.kept`, if there is one.
+/// beside it whose name ends with `.kept`, if there is one. A test that fails kills the shell; the run then ends, too.
 fn on_a_small_disk(bench: &Bench, folder: &Path, size: &str, arguments: &[&str]) -> Watched {
-    let script =
-        "folder=$1; shift; mount -t tmpfs -o size=$1,mode=700 none \"$folder\" || exit 99; shift; \"$0\" \"$@\" & trap 'kill -TERM $!' TERM
+    let script = "folder=$1; shift; mount -t tmpfs -o size=$1,mode=700 none \"$folder\" || exit 99; shift
+        setpriv --pdeathsig TERM -- \"$0\" \"$@\" & trap 'kill -TERM $!' TERM
         wait $!; code=$?; [ ! -d \"$folder.kept\" ] || cp -r \"$folder/.\" \"$folder.kept\"; exit $code";
     let command = bench.stillmap(arguments);
     let mut small = bench.stillmap_by("unshare");

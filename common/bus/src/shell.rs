@@ -119,6 +119,8 @@ pub struct Shell {
     refusal: Refusal,
     /// Processes that may need again what this one has said.
     needed_by: Vec<String>,
+    /// It brings the world in: it has said all when it is asked to stop.
+    is_source: bool,
     _member: File,
 }
 
@@ -167,6 +169,7 @@ impl Shell {
             report: Report::default(),
             refusal: Refusal::default(),
             needed_by: Vec::new(),
+            is_source: false,
             _member: member,
         };
         shell.beat(Phase::Starting)?;
@@ -252,6 +255,13 @@ impl Shell {
         self.needed_by.extend(names);
     }
 
+    /// Declares this process a source of what these read: once it has been asked to stop and has finished, it stays until they are
+    /// over, as with [`Shell::stay_for`], or until it is asked again.
+    pub fn is_source_for(&mut self, names: impl IntoIterator<Item = String>) {
+        self.is_source = true;
+        self.needed_by.extend(names);
+    }
+
     /// Who this process is.
     #[must_use]
     pub fn membership(&self) -> &Membership {
@@ -319,14 +329,16 @@ impl Shell {
         Ok(())
     }
 
-    /// Keeps what was said until nobody needs it any more, or somebody asks to stop.
+    /// Keeps what was said until nobody needs it any more, or the supervisor asks to stop. A source has been asked once before; one
+    /// that has come to its end by itself ends the run with that.
     fn stay(&mut self) -> Result<(), RunError> {
-        if self.needed_by.is_empty() {
+        let asked = self.signals.count();
+        if self.needed_by.is_empty() || self.is_source != (asked > 0) {
             return Ok(());
         }
         let mut statuses = Reader::<DeploymentStatus>::new(&self.fabric.open(Channel::Open)?, self.membership.run, None)?;
         self.listeners.extend(statuses.listener());
-        while self.signals.requested().is_none() {
+        while self.signals.count() == asked {
             while let Some(received) = statuses.take()? {
                 let Received::Message(status) = received else { continue };
                 let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
@@ -335,8 +347,9 @@ impl Shell {
             if self.needed_by.is_empty() {
                 break;
             }
+            self.report.note = Text::new(&format!("has ended, stays for {}", self.needed_by.join(", ")));
             self.tell_progress()?;
-            self.beat(Phase::Running)?;
+            self.beat(Phase::Ending)?;
             self.writers.iter().for_each(|writer| writer.refresh());
             self.wait(&[], HEARTBEAT)?;
         }

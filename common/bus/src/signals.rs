@@ -13,6 +13,7 @@ use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 pub struct Signals {
     requests: UnixStream,
     last: Option<i32>,
+    count: u32,
     interrupt: Arc<AtomicBool>,
 }
 
@@ -37,17 +38,24 @@ impl Signals {
         signal_hook::low_level::pipe::register(SIGTERM, write)?;
         // A file that may grow no further is an error of the write then, not the end of the process.
         signal_hook::flag::register(SIGXFSZ, Arc::default())?;
-        Ok(Self { requests, last: None, interrupt })
+        Ok(Self { requests, last: None, count: 0, interrupt })
     }
 
     /// The signal by which the supervisor asked this process to stop, if one came.
     pub fn requested(&mut self) -> Option<i32> {
         let mut byte = [0];
         while matches!(self.requests.read(&mut byte), Ok(1)) {
+            self.count += 1;
             let interrupted = self.interrupt.load(Ordering::Relaxed);
             self.last.get_or_insert(if interrupted { SIGINT } else { SIGTERM });
         }
         self.last
+    }
+
+    /// How often the supervisor has asked so far.
+    pub fn count(&mut self) -> u32 {
+        self.requested();
+        self.count
     }
 }
 

@@ -19,7 +19,7 @@ pub enum Phase {
     Starting = 0,
     /// At work.
     Running = 1,
-    /// Finishing what it holds.
+    /// It has said all it has to say, and stays while somebody may need it again.
     Ending = 2,
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use bus::{BusError, Checkpoint, Context, FrameWriter, Next, RunError, Shell, StepError};
 use messages::{CameraFrame, FrameLayout, PixelFormat};
 use rustix::time::{ClockId, clock_gettime};
-use settings::{CameraFormat, Settings};
+use settings::{BuiltIn, CameraFormat, Settings};
 
 use crate::coding::{Coding, Damage};
 use crate::controls::Held;
@@ -61,6 +61,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
     let last = checkpoint.take_up(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    shell.is_source_for(settings.named(BuiltIn::Sbs));
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
 use messages::SonarScan;
-use settings::{Port as PortSetting, Settings};
+use settings::{BuiltIn, Port as PortSetting, Settings};
 
 use crate::checkpoint::Checkpoint;
 use crate::command::Command;
@@ -48,6 +48,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
     };
     let checkpoint = shell.checkpoint();
     let kept = checkpoint.take_up(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
+    shell.is_source_for([BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
     let mut scans = shell.writer()?;
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;

@@ -48,6 +48,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
     let resume = checkpoint.take_up(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
+    let kinds = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Sbs, BuiltIn::Fti];
+    shell.is_source_for(kinds.into_iter().flat_map(|kind| settings.named(kind)));
     if restarted {
         tracing::info!("goes on behind scan {}", resume.begin_behind[0]);
     }

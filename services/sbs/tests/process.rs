@@ -57,14 +57,34 @@ fn fold() -> (Vec<Answer>, State) {
     (answers.collect(), state)
 }
 
+/// One who reads the answers, and what it has: number, stamp and answer.
+struct Answers {
+    reader: Reader<CameraMotion>,
+    taken: Vec<(u64, u64, CameraMotion)>,
+}
+
+impl Answers {
+    fn of(shell: &mut Shell) -> Self {
+        Self { reader: shell.reader().unwrap(), taken: Vec::new() }
+    }
+
+    fn take(&mut self) {
+        while let Some(received) = self.reader.take().unwrap() {
+            if let Received::Message(motion) = received {
+                self.taken.push((motion.seq(), motion.stamp_ns(), *motion));
+            }
+        }
+    }
+}
+
 /// Everything that the process is given and says.
 struct Bench {
     folder: tempfile::TempDir,
     frames: FrameWriter<CameraFrame>,
     progress: Reader<Progress>,
     heartbeats: Reader<Heartbeat>,
-    /// Who reads the answers, and what each has.
-    answers: Vec<(Reader<CameraMotion>, Vec<(u64, u64, CameraMotion)>)>,
+    /// Who reads the answers.
+    answers: Vec<Answers>,
     masks: FrameReader<CameraMask>,
     backgrounds: FrameReader<CameraBackground>,
     source: Shell,
@@ -88,7 +108,7 @@ impl Bench {
             frames: source.frame_writer().unwrap(),
             progress: watcher.reader().unwrap(),
             heartbeats: watcher.reader().unwrap(),
-            answers: vec![(watcher.reader().unwrap(), Vec::new())],
+            answers: vec![Answers::of(&mut watcher)],
             masks: watcher.frame_reader().unwrap(),
             backgrounds: watcher.frame_reader().unwrap(),
             folder,
@@ -144,7 +164,7 @@ impl Bench {
 
     /// One more reads the answers from now on. Returns its place.
     fn join(&mut self) -> usize {
-        self.answers.push((self.watcher.reader().unwrap(), Vec::new()));
+        self.answers.push(Answers::of(&mut self.watcher));
         self.answers.len() - 1
     }
 
@@ -157,13 +177,7 @@ impl Bench {
 
     /// Takes what is there: the answers, and the last of the pictures.
     fn look(&mut self) {
-        for (reader, into) in &mut self.answers {
-            while let Some(received) = reader.take().unwrap() {
-                if let Received::Message(motion) = received {
-                    into.push((motion.seq(), motion.stamp_ns(), *motion));
-                }
-            }
-        }
+        self.answers.iter_mut().for_each(Answers::take);
         while let Some(received) = self.masks.take().unwrap() {
             if let Received::Message(mask) = received {
                 self.mask = Some((mask.seq(), mask.layout(), mask.bytes().to_vec()));
@@ -181,7 +195,7 @@ impl Bench {
         loop {
             let is_over = self.process.as_mut().unwrap().try_wait().unwrap().is_some();
             self.look();
-            if self.masks.ended() && self.backgrounds.ended() && self.answers.iter().all(|(reader, _)| reader.ended()) {
+            if self.masks.ended() && self.backgrounds.ended() && self.answers.iter().all(|answers| answers.reader.ended()) {
                 break;
             }
             assert!(!is_over, "the process is over, but not every stream");
@@ -225,7 +239,7 @@ fn what_it_sends_is_what_the_fold_gives() {
     bench.send(1..=FRAMES);
     bench.end(FRAMES, FRAMES * PERIOD_NS);
     bench.receive_all();
-    check_answers(&bench.answers[0].1);
+    check_answers(&bench.answers[0].taken);
     let (_, state) = fold();
     let mask = state.mask().unwrap();
     assert!(mask.values().contains(&255));
@@ -252,8 +266,8 @@ fn killed_on_the_way_it_goes_on_to_the_same_answers() {
     bench.send(sent + 1..=FRAMES);
     bench.end(FRAMES, FRAMES * PERIOD_NS);
     bench.receive_all();
-    check_answers(&bench.answers[0].1);
-    check_answers(&bench.answers[late].1);
+    check_answers(&bench.answers[0].taken);
+    check_answers(&bench.answers[late].taken);
     bench.close();
 }
 
@@ -287,7 +301,7 @@ fn frames_that_lie_are_answered_with_words() {
     }
     bench.end(10, u64::MAX);
     bench.receive_all();
-    let received = &bench.answers[0].1;
+    let received = &bench.answers[0].taken;
     let statuses: Vec<(u64, u32)> = received.iter().map(|(seq, _, motion)| (*seq, motion.status)).collect();
     let expected = (3..).zip(lies).map(|(seq, (.., status, _))| (seq, status as u32));
     assert_eq!(statuses, [1, 2].map(|seq| (seq, learning as u32)).into_iter().chain(expected).collect::<Vec<_>>());

@@ -5,7 +5,7 @@
 //! | phase | what happens |
 //! | --- | --- |
 //! | running | processes start one after the other, each when the one before has given a sign of life; what dies or hangs starts again |
-//! | draining | the sources are asked to stop; everything else ends by itself once its inputs have ended; what dies still starts again, a source to say the end of its streams |
+//! | draining | the sources are asked to stop, and stay until what they have said has been taken; everything else ends by itself once its inputs have ended; what dies still starts again, a source to say the end of its streams |
 //! | stopping | what is left is asked to stop, the last started first, one at a time; what does not is killed |
 //! | over | nothing runs |
 //!
@@ -84,7 +84,7 @@ impl Deployment {
         let mut actions = Vec::new();
         let ticks = event == Event::Tick;
         match event {
-            Event::Heartbeat { process, work } => self.hear(process, work, now, &mut actions),
+            Event::Heartbeat { process, work, ending } => self.hear(process, work, ending, now, &mut actions),
             Event::Exited { process, exit } => self.bury(process, exit, now, &mut actions),
             Event::Rebuilt if matches!(self.phase, Phase::Rebuilding { .. }) => self.phase = Phase::Running,
             Event::StopAsked => self.hurry(now, &mut actions),
@@ -111,14 +111,17 @@ impl Deployment {
         actions
     }
 
-    fn hear(&mut self, process: usize, work: u64, now: Duration, actions: &mut Vec<Action>) {
+    fn hear(&mut self, process: usize, work: u64, ending: bool, now: Duration, actions: &mut Vec<Action>) {
         let Some(it) = self.processes.get_mut(process) else { return };
+        let draining = matches!(self.phase, Phase::Draining { .. });
         let first = match it.state {
             State::Starting { .. } => true,
             State::Running { .. } => false,
+            // A source that has stopped its work, and stays until what it brought has been taken.
+            State::Stopping { killed: false, .. } if draining && ending => false,
             _ => return,
         };
-        let is_late = it.plan.role == Role::Source && matches!(self.phase, Phase::Draining { .. });
+        let is_late = first && it.plan.role == Role::Source && draining;
         it.state = if is_late {
             State::Stopping { deadline: now + self.policy.stop_deadline, killed: false }
         } else {

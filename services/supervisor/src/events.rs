@@ -12,6 +12,8 @@ pub enum Event {
         process: usize,
         /// Messages taken from numbered streams.
         work: u64,
+        /// It has said all it has to say.
+        ending: bool,
     },
     /// The child of a process is gone and has been waited for.
     Exited {

@@ -337,7 +337,7 @@ impl<'a> Supervisor<'a> {
                     continue;
                 }
                 let work = self.vitals[process].work(|service| self.domain.is_sequenced(service));
-                changed |= self.feed(Event::Heartbeat { process, work })?;
+                changed |= self.feed(Event::Heartbeat { process, work, ending: heartbeat.phase == Phase::Ending as u32 })?;
             }
         }
         Ok(changed)

@@ -42,7 +42,7 @@ fn notices(actions: &[Action]) -> Vec<Notice> {
 }
 
 fn heartbeat(process: usize, work: u64) -> Event {
-    Event::Heartbeat { process, work }
+    Event::Heartbeat { process, work, ending: false }
 }
 
 fn exited(process: usize, exit: Exit) -> Event {
@@ -114,6 +114,44 @@ fn a_hung_process_is_killed_and_restarted() {
         }
     }
     assert_eq!(it.processes().iter().map(|it| it.restarted()).collect::<Vec<_>>(), [0, 1, 0, 0]);
+}
+
+#[test]
+fn a_source_that_has_said_all_stays_until_what_it_said_has_been_taken() {
+    let mut it = running_demo();
+    assert_eq!(commands(&it.step(exited(3, Exit::Finished), ms(100))), [Action::Terminate(2)]);
+    let ending = Event::Heartbeat { process: 2, work: 0, ending: true };
+    for at in (200..9000).step_by(200) {
+        // Mapping has much to do still.
+        let work = [it.step(ending.clone(), ms(at)), it.step(heartbeat(0, 0), ms(at)), it.step(heartbeat(1, at), ms(at))];
+        assert_eq!(work.map(|actions| commands(&actions)), [[], [], []], "at {at} ms");
+        assert_eq!(commands(&it.step(Event::Tick, ms(at))), [], "at {at} ms");
+    }
+    // Killed meanwhile, it comes again to say its end once more.
+    it.step(exited(2, Exit::Signal(9)), ms(9000));
+    assert_eq!(commands(&it.step(Event::Tick, ms(9100))), [Action::Spawn { process: 2, incarnation: 1 }]);
+    assert_eq!(commands(&it.step(heartbeat(2, 0), ms(9200))), [Action::Terminate(2)]);
+    assert_eq!(commands(&it.step(ending, ms(9300))), []);
+    // When nothing moves any more, it is asked once more in its turn.
+    let mut at = 9300;
+    let mut asked = Vec::new();
+    while !it.is_over() {
+        at += 200;
+        for process in 0..3 {
+            if it.processes()[process].is_live() {
+                it.step(Event::Heartbeat { process, work: 9000, ending: process == 2 }, ms(at));
+            }
+        }
+        let mut actions = VecDeque::from(commands(&it.step(Event::Tick, ms(at))));
+        while let Some(action) = actions.pop_front() {
+            let Action::Terminate(process) = action else { panic!("{action:?} at {at} ms") };
+            asked.push(process);
+            actions.extend(commands(&it.step(exited(process, Exit::Finished), ms(at))));
+        }
+        assert!(at < 60_000, "{it:?}");
+    }
+    assert_eq!(asked, [2, 1, 0], "the last started first");
+    assert_eq!(it.ending(), Some(Ending::Complete));
 }
 
 #[test]
@@ -319,6 +357,9 @@ struct Child {
     born: Duration,
     /// When it obeys SIGTERM, and with what; `None`: never.
     obeys: Option<(u64, Exit)>,
+    /// It obeys the second SIGTERM; from the first on it says that it has said all.
+    stays: bool,
+    asked: bool,
     dies: Option<(Duration, Exit)>,
 }
 
@@ -341,8 +382,15 @@ fn habit() -> impl Strategy<Value = Habit> {
 }
 
 fn child() -> impl Strategy<Value = Child> {
-    (habit(), prop::option::of((0u64..5000, prop_oneof![Just(Exit::Finished), Just(Exit::Signal(15)), Just(Exit::Code(1))])))
-        .prop_map(|(habit, obeys)| Child { habit, born: Duration::ZERO, obeys, dies: None })
+    let exit = prop_oneof![Just(Exit::Finished), Just(Exit::Signal(15)), Just(Exit::Code(1))];
+    (habit(), prop::option::of((0u64..5000, exit)), any::<bool>()).prop_map(|(habit, obeys, stays)| Child {
+        habit,
+        born: Duration::ZERO,
+        obeys,
+        stays,
+        asked: false,
+        dies: None,
+    })
 }
 
 fn plans() -> impl Strategy<Value = Vec<Plan>> {
@@ -407,6 +455,8 @@ impl World {
                     habit: Habit::Beats { for_ms: 0, then: None, works: true },
                     born: self.now,
                     obeys: None,
+                    stays: false,
+                    asked: false,
                     dies: None,
                 });
                 child.born = self.now;
@@ -418,7 +468,8 @@ impl World {
             Action::Terminate(process) => {
                 let now = self.now;
                 let child = self.children[process].as_mut().expect("only a child can be asked to stop");
-                if let Some((after, exit)) = child.obeys.clone() {
+                let stays = child.stays && !std::mem::replace(&mut child.asked, true);
+                if let Some((after, exit)) = child.obeys.clone().filter(|_| !stays) {
                     child.dies = Some((now + ms(after), exit));
                 }
             }
@@ -446,7 +497,8 @@ impl World {
             } else if let Habit::Beats { works, .. } = child.habit {
                 self.silent_since[process] = self.now;
                 let work = if works { self.now.as_millis() as u64 } else { 0 };
-                self.feed(Event::Heartbeat { process, work });
+                let ending = child.stays && child.asked;
+                self.feed(Event::Heartbeat { process, work, ending });
             }
         }
         self.feed(Event::Tick);
