@@ -217,6 +217,7 @@ fn a_robot_goes_on_with_its_numbers_and_a_simulated_deployment_begins_anew() {
     assert_eq!(recorded::<SonarScan>(&log).len() as u64, second);
     scans(&["--fresh"]);
     assert!(!out.join("drive.2.mcap").exists() && out.join("state-1").exists());
-    drop(world);
+    harness::signal(world.pid().into(), rustix::process::Signal::TERM);
+    drop(world.end());
     assert!(!bench.path("world").join("state").exists(), "a simulated robot keeps nothing");
 }

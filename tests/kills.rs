@@ -129,9 +129,23 @@ fn replayed(bench: &Bench) -> String {
 #[test]
 fn supervisor() {
     let bench = Bench::new();
-    let run = start(&bench);
+    kill_the_supervisor(&bench, |_| ());
+}
+
+/// As a service manager removes it, which kills after that.
+#[test]
+fn supervisor_whose_runtime_folder_is_gone() {
+    let bench = Bench::new();
+    kill_the_supervisor(&bench, |bench| std::fs::remove_dir_all(bench.runtime()).unwrap());
+}
+
+/// Kills the supervisor in mid-drive, after something else, and waits until nothing is left of its deployment.
+#[track_caller]
+fn kill_the_supervisor(bench: &Bench, before: impl Fn(&Bench)) {
+    let run = start(bench);
     let mapping = bench.wait_for("mapping", "it has taken 50 scans", |mapping| mapping["received"].as_u64() > Some(50));
     bench.remember_domain();
+    before(bench);
     kill(run.pid().into());
     drop(run);
     let mapping = std::path::PathBuf::from(format!("/proc/{}", mapping["pid"]));

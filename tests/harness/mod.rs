@@ -111,7 +111,8 @@ impl Bench {
 
     /// What is left on this machine of the deployments of this bench: files of the runtime folder and shared memory.
     pub(crate) fn left_behind(&self) -> Vec<PathBuf> {
-        let mut left: Vec<PathBuf> = std::fs::read_dir(self.runtime.path()).unwrap().flatten().map(|entry| entry.path()).collect();
+        let entries = std::fs::read_dir(self.runtime.path()).into_iter().flatten().flatten();
+        let mut left: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
         let names: Vec<PathBuf> = left.iter().map(|path| path.with_extension("")).collect();
         for entry in std::fs::read_dir("/dev/shm").unwrap().flatten() {
             let ours = |path: &PathBuf| {

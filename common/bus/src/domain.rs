@@ -412,12 +412,16 @@ pub(crate) fn join_members(paths: &DomainPaths) -> Result<File, DomainError> {
     Ok(file)
 }
 
-/// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone.
+/// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone. Where the
+/// whole runtime folder has been removed, as a service manager does, nobody can be told to wait, and what is in shared memory goes at once.
 ///
 /// # Errors
 /// When another supervisor has taken the domain, processes stay, or the file system refuses.
 pub fn sweep(directory: &Path) -> Result<(), DomainError> {
     let paths = DomainPaths::of_directory(directory).ok_or_else(|| DomainError::Name { name: directory.display().to_string() })?;
+    if !paths.lock.parent().is_some_and(Path::is_dir) {
+        return paths.wipe().map_err(|source| DomainError::Io { path: paths.directory, source });
+    }
     let _lock = take_lock(&paths)?;
     demolish(&paths)
 }

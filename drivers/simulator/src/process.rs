@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError, Writer};
 use messages::{TruthScan, TruthSurfaces};
-use settings::{Provides, Settings, SettingsError};
+use settings::{BuiltIn, Provides, Settings, SettingsError};
 
 use crate::body::Body;
 use crate::drive_state::DriveState;
@@ -79,6 +79,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
         Provides::Motion => Some(CameraFeed::Motion(Box::new(MotionFeed::new(&world, settings, shell.writer()?, driven_ns)))),
         Provides::Pictures => Some(CameraFeed::Pictures(Box::new(PictureFeed::new(&world, settings, &mut shell, driven_ns)?))),
     };
+    if camera.is_some() {
+        shell.is_source_for([BuiltIn::Sbs, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
+    }
     let mut process = Process {
         camera,
         robot: RobotEnd::new(&body, settings.robot.odometry_modulus.get(), simulation.odometry()),

@@ -23,8 +23,9 @@ pub fn guard(directory: &Path) -> Result<(), GuardError> {
         // Fails when nobody is left in it.
         let _ = kill_process_group(group, Signal::KILL);
     }
-    // After an orderly end nothing is left, and the next supervisor may already be there.
-    if directory.exists() { Ok(bus::sweep(directory)?) } else { Ok(()) }
+    // After an orderly end nothing is left, and the next supervisor may already be there; but not without the folder of all domains.
+    let is_left = directory.exists() || !directory.parent().is_some_and(Path::exists);
+    if is_left { Ok(bus::sweep(directory)?) } else { Ok(()) }
 }
 
 /// Reads to the end which groups come and go; those that have not gone. What is no such line says nothing.
