@@ -328,10 +328,15 @@ fn is_dead(pid: i32) -> bool {
     std::fs::read_to_string(format!("/proc/{pid}/stat")).map_or(true, |stat| stat.contains(") Z "))
 }
 
-/// Polls; a watchdog outside ends a test that waits for ever.
+/// Nothing here takes so long; a test that waits for it hangs.
+const WATCHDOG: Duration = Duration::from_secs(60);
+
+#[track_caller]
 fn wait_until(condition: impl Fn() -> bool) {
+    let since = Instant::now();
     while !condition() {
-        std::thread::sleep(Duration::from_millis(2));
+        assert!(since.elapsed() < WATCHDOG, "this never came");
+        std::thread::yield_now();
     }
 }
 
