@@ -119,6 +119,10 @@ impl Deployment {
             State::Running { .. } => false,
             // A source that has stopped its work, and stays until what it brought has been taken.
             State::Stopping { killed: false, .. } if draining && ending => false,
+            // Nobody has the time any more to take it.
+            State::Stopping { killed: false, .. } if self.phase == Phase::Stopping && ending => {
+                return actions.push(Action::Terminate(process));
+            }
             _ => return,
         };
         let is_late = first && it.plan.role == Role::Source && draining;

@@ -155,6 +155,21 @@ fn a_source_that_has_said_all_stays_until_what_it_said_has_been_taken() {
 }
 
 #[test]
+fn a_source_does_not_stay_when_everybody_is_asked_to_stop() {
+    let ending = Event::Heartbeat { process: 3, work: 0, ending: true };
+    let mut it = running_demo();
+    // Mapping refuses its settings: there is no drain.
+    assert_eq!(commands(&it.step(exited(1, Exit::BadInput), ms(100))), [Action::Terminate(3)]);
+    assert_eq!(commands(&it.step(heartbeat(3, 0), ms(200))), []);
+    assert_eq!(commands(&it.step(ending.clone(), ms(300))), [Action::Terminate(3)]);
+    // Somebody asks twice while it has not said its end yet.
+    let mut it = running_demo();
+    assert_eq!(commands(&it.step(Event::StopAsked, ms(100))), [Action::Terminate(3), Action::Terminate(2)]);
+    assert_eq!(commands(&it.step(Event::StopAsked, ms(200))), []);
+    assert_eq!(commands(&it.step(ending, ms(300))), [Action::Terminate(3)]);
+}
+
+#[test]
 fn a_supervisor_that_could_not_look_for_long_takes_nobody_for_hung_who_was_heard() {
     let mut it = running_demo();
     for process in 0..4 {
