@@ -35,8 +35,21 @@ fn evaluated(bench: &Bench) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
+/// The demo's drive in one process, where every stamp is the same each time.
 #[test]
 fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
+    let bench = Bench::new();
+    let output = bench.output(["evaluate", "--world", HALL, "--seeds", "1..1", "--json"]);
+    let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
+    assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
+}
+
+/// How much of the walls is left is not claimed of a live drive: whether the pillar behind which a walker turns off is taken for him
+/// hangs on some milliseconds in the stamps of scans.
+#[test]
+fn the_ghosts_of_a_live_drive_are_gone_and_its_replays_are_equal() {
     let bench = Bench::new();
     let output = start(&bench).end();
     let driven = map_sha256(&output);
@@ -44,7 +57,7 @@ fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
     let figures = evaluated(&bench);
     let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
     assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
-    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("f1") > 0.7, "{figures}");
     assert_eq!(figures["runs"][0]["ghosts_removed"], figures["ghosts_removed"]);
     let replay = |out: &str| {
         let log = bench.path("out").join("drive.mcap");
