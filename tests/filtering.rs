@@ -46,8 +46,8 @@ fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
     assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
 }
 
-/// How much of the walls is left is not claimed of a live drive: whether the pillar behind which a walker turns off is taken for him
-/// hangs on some milliseconds in the stamps of scans.
+/// Of the walls more may be gone than in the drive above: whether the pillar behind which a walker turns off is taken for him hangs on
+/// some milliseconds in the stamps of scans.
 #[test]
 fn the_ghosts_of_a_live_drive_are_gone_and_its_replays_are_equal() {
     let bench = Bench::new();
@@ -57,7 +57,7 @@ fn the_ghosts_of_a_live_drive_are_gone_and_its_replays_are_equal() {
     let figures = evaluated(&bench);
     let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
     assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
-    assert!(share("ghosts_removed") > 0.7 && share("f1") > 0.7, "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.1 && share("f1") > 0.7, "{figures}");
     assert_eq!(figures["runs"][0]["ghosts_removed"], figures["ghosts_removed"]);
     let replay = |out: &str| {
         let log = bench.path("out").join("drive.mcap");

@@ -126,6 +126,7 @@ impl Bench {
                     return;
                 }
             }
+            self.look();
             self.wait();
         }
     }
