@@ -46,7 +46,7 @@ fn the_ghosts_of_the_demo_are_gone_and_its_walls_are_not() {
     assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
 }
 
-/// Of the walls more may be gone than in the drive above: whether the pillar behind which a walker turns off is taken for him hangs on
+/// Of the walls more may be gone than in the drive above: whether the pillar that a walker passes closely is taken for him hangs on
 /// some milliseconds in the stamps of scans.
 #[test]
 fn the_ghosts_of_a_live_drive_are_gone_and_its_replays_are_equal() {
