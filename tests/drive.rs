@@ -7,7 +7,7 @@ use harness::replays::{DRIVE, Watched, replay_settings, sha256_of};
 use harness::{Bench, FREE, OCCUPIED, PgmMap, Run, map_sha256, recorded, text};
 use messages::{SonarScan, Walkers};
 
-const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
 
 /// The map frame begins where the robot does: at (0.9, 1.0) of the world.
 const START_M: [f64; 2] = [0.9, 1.0];

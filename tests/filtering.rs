@@ -7,7 +7,7 @@ use harness::{Bench, Run, kill, map_sha256, text};
 use serde_json::Value;
 
 const DEMO: &str = include_str!("../config/demo.toml");
-const HALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/hall.toml");
+const HALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/hall.toml");
 
 /// The demo's deployment, with camera motion made from the truth and with patience. What a busy machine delays changes nothing
 /// then: no picture is skipped, and no verdict is given before everything is there that it rests on.

@@ -146,7 +146,7 @@ fn a_disk_that_takes_no_checkpoint_ends_nobody() {
 
 /// A robot with a line of its own: the simulator's, in another deployment.
 fn robot(bench: &Bench) -> (Watched, PathBuf) {
-    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
     // A deployment needs somebody who could have scans to say.
     let settings = format!(
         "name = \"world\"\nout = \"world-out\"\n[[process]]\nname = \"simulator\"\nrun = \"simulator\"\n\

@@ -175,7 +175,7 @@ fn repeated_scans(log: &Path) -> u64 {
 
 #[test]
 fn a_robot_goes_on_with_its_numbers_and_a_simulated_deployment_begins_anew() {
-    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+    let world = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
     let bench = Bench::new();
     // The robot is another deployment's simulator: it stays switched on while the one under test is stopped.
     let simulator = format!(

@@ -11,7 +11,7 @@ use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256, signal, text};
 use messages::{Pose, SonarReading, SonarScan};
 use rustix::process::Signal;
 
-const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
 
 fn start(bench: &Bench) -> Run {
     let out = bench.path("out");

@@ -12,7 +12,7 @@ use harness::{Bench, FREE, PgmMap, Run, text};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
 
 /// A pseudo-terminal whose slave stays open: the pump keeps the master, the driver opens the path.
 fn terminal() -> (File, OwnedFd, PathBuf) {

@@ -14,7 +14,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
 
-const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor-empty.toml");
+const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
 
 /// Longest the page may say nothing before the test is called hung; nothing is measured by it.
 const WATCHDOG: Duration = Duration::from_secs(120);

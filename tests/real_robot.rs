@@ -7,7 +7,7 @@ use std::path::Path;
 
 use harness::{Bench, FREE, OCCUPIED, PgmMap, map_sha256, text};
 
-const RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/sonar_log");
+const RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/sonar_log");
 
 #[test]
 fn the_corridor_of_a_real_robot() {

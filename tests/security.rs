@@ -15,7 +15,7 @@ use harness::{Bench, Run, signal, text};
 use messages::{Pose, SonarReading, SonarScan};
 use serde_json::Value;
 
-const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor.toml");
+const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor.toml");
 
 /// The demo, with its page and its sonars, while it drives.
 fn driving(bench: &Bench) -> Run {

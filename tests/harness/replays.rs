@@ -13,7 +13,7 @@ use rustix::process::Signal;
 use super::cork::Cork;
 use super::{Bench, kill, map_sha256, signal};
 
-const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/worlds/corridor.toml");
+const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor.toml");
 /// The processes of [`replay_settings`].
 pub(crate) const PROCESSES: [&str; 5] = ["mapping", "std", "fti", "recorder", "playback"];
 /// A run that says nothing and does not end for so long hangs; nothing is measured by it.

@@ -1,7 +1,7 @@
 //! Something stands where an echo came from (S): what the past and all readings near in time say of the cells of its arc.
 
-use beam::{Beam, InBeam};
-use grid::Cell;
+use geometry::Cell;
+use geometry::{Beam, InBeam};
 use nalgebra::Vector2;
 
 use crate::still::{REACH_M, SLOT_NS, Still, balance, free_reach_m};
@@ -130,7 +130,7 @@ fn contradiction(asked: &Beam, passing: &Beam, cell: &ArcCell) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grid::{CellSize, Lattice};
+    use geometry::{CellSize, Lattice};
     use messages::{Pose, SonarReading};
 
     fn beam(x_m: f64, y_m: f64, yaw_rad: f64, range_m: f64) -> Beam {

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use beam::Beam;
+use geometry::Beam;
 use serde::{Deserialize, Serialize};
 
 /// An echo of the same thing differs from the last one by less than this, m: the way of the robot between two pings and the

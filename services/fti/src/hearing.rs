@@ -1,6 +1,6 @@
 //! What echoes and movers say of the walkers.
 
-use beam::Beam;
+use geometry::Beam;
 use messages::{Mover, Pose};
 use nalgebra::{Matrix2, Vector2};
 use tracking::Motion;

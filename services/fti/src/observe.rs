@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use beam::Beam;
+use geometry::Beam;
 use messages::Pose;
 use nalgebra::Vector2;
 use tracking::Measured;

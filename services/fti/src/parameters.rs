@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use grid::{CellSize, CellSizeError};
+use geometry::{CellSize, CellSizeError};
 use messages::Pose;
 use settings::{Pace, Settings};
 

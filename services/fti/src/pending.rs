@@ -1,7 +1,7 @@
 //! Scans whose readings wait for their verdict, or got it lately.
 
-use beam::Beam;
-use grid::Cell;
+use geometry::Beam;
+use geometry::Cell;
 use messages::{FilterVerdict, MAX_READINGS, MAX_REGIONS};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ impl PendingScan {
 }
 
 mod cells {
-    use grid::Cell;
+    use geometry::Cell;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     pub(super) fn serialize<S: Serializer>(cells: &[Cell], serializer: S) -> Result<S::Ok, S::Error> {

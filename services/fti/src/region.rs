@@ -1,7 +1,7 @@
 //! Corresponding pairs and their update regions (paper section 6, eq. 11, Table 6).
 
-use beam::Beam;
-use grid::CellSize;
+use geometry::Beam;
+use geometry::CellSize;
 use messages::{Mover, Pose, UpdateRegion};
 use serde::{Deserialize, Serialize};
 
@@ -22,10 +22,11 @@ impl Region {
     }
 
     /// Whether the arc of an echo enters the region.
-    pub(crate) fn entered_by(&self, beam: &Beam, arc: &[grid::Cell], cell: CellSize) -> bool {
+    pub(crate) fn entered_by(&self, beam: &Beam, arc: &[geometry::Cell], cell: CellSize) -> bool {
         let radius_m = self.radius_m(cell);
-        let near =
-            |cell_at: &grid::Cell| (cell.centre_of(cell_at.column) - self.x_m).hypot(cell.centre_of(cell_at.row) - self.y_m) <= radius_m;
+        let near = |cell_at: &geometry::Cell| {
+            (cell.centre_of(cell_at.column) - self.x_m).hypot(cell.centre_of(cell_at.row) - self.y_m) <= radius_m
+        };
         beam.echo() && arc.iter().any(near)
     }
 

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use grid::{Lattice, TILE_CELLS, Tile, TileKey};
+use geometry::{Lattice, TILE_CELLS, Tile, TileKey};
 use messages::Pose;
 use serde::{Deserialize, Serialize, Serializer};
 

@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use beam::Beam;
-use grid::{Cell, CellSize, Lattice};
+use geometry::Beam;
+use geometry::{Cell, CellSize, Lattice};
 use messages::{
     FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, OutlookScan, Payload, Pose, SonarScan, TrackedWalker, VerdictOutlook,
     Walkers,

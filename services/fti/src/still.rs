@@ -1,7 +1,7 @@
 //! Whether something stands there: in how many slots of time a cell was hit, and in how many it was seen free.
 
-use beam::Beam;
-use grid::{Cell, CellSize, Lattice, TileKey};
+use geometry::Beam;
+use geometry::{Cell, CellSize, Lattice, TileKey};
 
 /// Readings of one slot count once: a firing cycle and a half, ns.
 pub(crate) const SLOT_NS: u64 = 400_000_000;

@@ -1,6 +1,6 @@
 //! Numbers to bytes and back, little-endian; reading checks everything.
 
-use grid::Tile;
+use geometry::Tile;
 
 /// State that cannot be taken up.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -63,7 +63,7 @@ impl<'a> Decoder<'a> {
 
     /// The cells of a tile, each within ± `limit`.
     pub(crate) fn tile(&mut self, limit: f32) -> Result<Tile<f32>, StateError> {
-        let mut cells = [0.0; grid::TILE_CELLS];
+        let mut cells = [0.0; geometry::TILE_CELLS];
         for cell in &mut cells {
             *cell = self.f32()?;
             if cell.is_nan() || cell.abs() > limit {

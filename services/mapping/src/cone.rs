@@ -2,13 +2,13 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use grid::{Cell, CellSize, TileKey};
+use geometry::{Cell, CellSize, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::numeric::{LANES, Lanes, all, azimuth};
 
 // Groups of cells never straddle tiles.
-const _: () = assert!(grid::TILE_EDGE.is_multiple_of(LANES));
+const _: () = assert!(geometry::TILE_EDGE.is_multiple_of(LANES));
 
 /// A sonar's cone in the map frame, up to a distance. Lengths are in cells.
 #[derive(Debug, Clone, Copy)]

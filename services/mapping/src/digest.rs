@@ -1,6 +1,6 @@
 //! The digest of a map: one number for its cells and their placement.
 
-use grid::Lattice;
+use geometry::Lattice;
 use sha2::{Digest, Sha256};
 
 /// What the digest is over begins with this, so that another definition never gives the same number.
@@ -30,7 +30,7 @@ pub(crate) fn digest(lattice: &Lattice<f32>) -> ([u8; 32], u64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grid::{Cell, CellSize};
+    use geometry::{Cell, CellSize};
 
     fn with(cells: &[(i32, i32, f32)]) -> ([u8; 32], u64) {
         let mut lattice = Lattice::new(CellSize::new(0.05).unwrap());

@@ -1,6 +1,6 @@
 //! Golden values of the sensor model, the update and the one-dimensional study, each computed by two independent writings.
 
-use grid::{Cell, Lattice};
+use geometry::{Cell, Lattice};
 use messages::{Pose, SonarReading};
 use serde_json::Value;
 use settings::Pace;

@@ -1,6 +1,6 @@
 //! One reading into a lattice: look at what the cone holds, tune, update (eqs. 1 to 3).
 
-use grid::{Lattice, TileKey};
+use geometry::{Lattice, TileKey};
 use messages::{Pose, SonarReading};
 
 use crate::Parameters;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use grid::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
+use geometry::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
 
 use messages::UpdateRegion;
 

@@ -47,4 +47,4 @@ pub use mapper::{Counts, Input, Mapper, Refused};
 pub use parameters::{Parameters, ParametersError};
 pub use process::{MappingError, run};
 
-const _: () = assert!(grid::TILE_EDGE == messages::TILE_EDGE);
+const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

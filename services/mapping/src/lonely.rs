@@ -1,6 +1,6 @@
 //! Occupied cells that stand alone (the end of the paper's Table 6).
 
-use grid::{Cell, Lattice, TILE_CELLS, TILE_EDGE, Tile, TileKey};
+use geometry::{Cell, Lattice, TILE_CELLS, TILE_EDGE, Tile, TileKey};
 
 /// A cell is occupied above this: P = 0.65.
 const OCCUPIED: f32 = 0.619;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, VerdictOutlook, WayChunk};
 
-use grid::{CellSize, TileKey};
+use geometry::{CellSize, TileKey};
 
 use crate::Parameters;
 use crate::digest::digest;

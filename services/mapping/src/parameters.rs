@@ -1,7 +1,7 @@
 //! The settings of a map in the units and shapes the algorithms work in.
 
 use fuzzy::{PartitionError, TableError};
-use grid::{CellSize, CellSizeError};
+use geometry::{CellSize, CellSizeError};
 use settings::Pace;
 
 use crate::tuning::Tuning;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use grid::{Cell, Lattice};
+use geometry::{Cell, Lattice};
 use messages::{Pose, SonarReading};
 use proptest::prelude::*;
 use settings::{Mapping, Pace};

@@ -16,7 +16,7 @@
 //!
 //! A tile is named by its layer (0 filtered, 1 unfiltered), row and column, and is 1024 cells f32.
 
-use grid::{Lattice, TileKey};
+use geometry::{Lattice, TileKey};
 use messages::{FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, UpdateRegion};
 
 use crate::Parameters;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use grid::Cell;
+use geometry::Cell;
 
 use crate::tvm::Tagged;
 

@@ -1,6 +1,6 @@
 //! What STD works by.
 
-use grid::{CellSize, CellSizeError};
+use geometry::{CellSize, CellSizeError};
 use settings::{MovingCell as Rule, Settings};
 
 /// What STD works by.

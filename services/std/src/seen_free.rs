@@ -1,7 +1,7 @@
 //! Which cells were seen free lately (rule *visible*).
 
-use beam::Beam;
-use grid::{Cell, Lattice, TileKey};
+use geometry::Beam;
+use geometry::{Cell, Lattice, TileKey};
 
 /// What lies this close before an echo may belong to it, m.
 const BEFORE_ECHO_M: f64 = 0.15;
@@ -57,7 +57,7 @@ impl SeenFree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grid::CellSize;
+    use geometry::CellSize;
     use messages::{Pose, SonarReading};
 
     fn seen(range_m: f64, echo: u32) -> SeenFree {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use grid::{Cell, Lattice, TILE_CELLS, TileKey};
+use geometry::{Cell, Lattice, TILE_CELLS, TileKey};
 use serde::{Deserialize, Serialize};
 
 use crate::seen_free::SeenFree;

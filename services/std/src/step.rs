@@ -1,7 +1,7 @@
 //! The algorithm of Table 1, scan by scan.
 
-use beam::Beam;
-use grid::{Cell, CellSize, Lattice};
+use geometry::Beam;
+use geometry::{Cell, CellSize, Lattice};
 use messages::{MAX_MOVERS, Mover, Payload, Pose, SonarMotion, SonarScan};
 use nalgebra::Vector2;
 

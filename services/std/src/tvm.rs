@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use beam::Beam;
-use grid::{Cell, CellSize};
+use geometry::Beam;
+use geometry::{Cell, CellSize};
 
 /// The cells tagged by one scan, each with the readings whose echo fell in it (bit i: reading i).
 pub(crate) type Tagged = BTreeMap<Cell, u32>;

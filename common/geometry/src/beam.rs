@@ -1,10 +1,8 @@
-#![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
-
 //! A sonar reading in the map frame: the cone that the ping filled, and the arc that its echo came from.
 //!
 //! Lengths in metres, angles in radians. A cell belongs to a cone or an arc when its centre does.
 
-use grid::{Cell, CellSize};
+use crate::{Cell, CellSize};
 use messages::{Pose, SonarReading};
 use serde::{Deserialize, Serialize};
 

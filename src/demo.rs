@@ -9,8 +9,8 @@ use indicatif::MultiProgress;
 use settings::{BuiltIn, Name, Settings};
 use std::path::{Path, PathBuf};
 
-pub(crate) const SETTINGS: &str = include_str!("../../../config/demo.toml");
-const WORLD: &str = include_str!("../../../config/worlds/hall.toml");
+pub(crate) const SETTINGS: &str = include_str!("../config/demo.toml");
+const WORLD: &str = include_str!("../config/worlds/hall.toml");
 /// Fast enough not to bore, slow enough to look at.
 const SPEED: f64 = 5.0;
 /// The same for somebody who watches the live page.

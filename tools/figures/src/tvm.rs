@@ -1,7 +1,7 @@
 //! Fig. 3: time-variant maps of a robot that stands in a room somebody crosses, and what STD makes of them (section 4).
 
-use beam::Beam;
-use grid::{Cell, CellSize};
+use geometry::Beam;
+use geometry::{Cell, CellSize};
 use messages::{Pose, SonarReading, SonarScan};
 use stillmap_std::{Parameters, Rule, Std};
 

@@ -1,4 +1,4 @@
-//! The `stillmap` command.
+//! The `stillmap` command, and the [processes](process) that a deployment is made of.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod camera;
@@ -16,7 +16,7 @@ mod map;
 mod output;
 mod page;
 mod pioneer;
-mod process;
+pub mod process;
 mod progress;
 mod replay;
 mod status;
@@ -30,7 +30,9 @@ use std::io::Write;
 use std::process::ExitCode;
 use supervisor::Options;
 
-fn main() -> ExitCode {
+/// Runs the command that the arguments of this process name; the exit code is what the process ends with.
+#[must_use]
+pub fn main() -> ExitCode {
     let command = Cli::parse().command;
     // What a process says goes to its supervisor; everything else goes to people.
     let is_process = matches!(command, Command::Process { .. });

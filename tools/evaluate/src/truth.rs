@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use grid::{Cell, CellSize};
+use geometry::{Cell, CellSize};
 use messages::{Pose, TruthSurfaces};
 
 use crate::drive::Scan;

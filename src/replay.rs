@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn a_replay_has_playback_in_place_of_the_robot() {
-        let recorded = Settings::parse("demo.toml", include_str!("../../../config/demo.toml")).unwrap();
+        let recorded = Settings::parse("demo.toml", include_str!("../config/demo.toml")).unwrap();
         let replay = deployment(recorded.clone(), "/logs/drive.mcap".into(), Pace::Lockstep).unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
         assert_eq!(names, ["mapping", "fti", "std", "sbs", "playback"]);
@@ -88,7 +88,7 @@ mod tests {
         let more = "[[process]]\nname = \"faults\"\nrun = \"injector\"\n[[fault]]\nprocess = \"std\"\nkind = \"kill\"\n
             [[fault]]\nservice = \"robot/scan\"\nkind = \"drop\"\n";
         let viewer = "[viewer]\naddress = \"0.0.0.0\"\ntoken = \"known-to-strangers\"";
-        let demo = include_str!("../../../config/demo.toml").replace("[robot]", &format!("{more}[robot]"));
+        let demo = include_str!("../config/demo.toml").replace("[robot]", &format!("{more}[robot]"));
         let recorded = Settings::parse("demo.toml", &demo.replace("[viewer]\naddress = \"127.0.0.1\"", viewer)).unwrap();
         assert!(!recorded.viewer.address.get().is_loopback() && recorded.routed_services().len() == 1);
         let replay = deployment(recorded, "/logs/drive.mcap".into(), Pace::Live).unwrap();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use grid::Cell;
+use geometry::Cell;
 use mapping::Mapper;
 use messages::{Layer, TILE_EDGE};
 

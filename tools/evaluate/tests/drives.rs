@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
-use grid::CellSize;
+use geometry::CellSize;
 use messages::Layer;
 use simulator::blobs::Failings;
 use simulator::{Body, Optics};
