@@ -7,13 +7,8 @@
 //! log goes on in the next part, too, so that the index of a file never takes more than a megabyte of memory.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
-mod description;
 mod file;
-mod inputs;
-mod process;
 mod tape;
 
-pub use description::{DescriptionError, describe};
 pub use file::LogFile;
-pub use process::{RecorderError, run};
 pub use tape::Tape;

@@ -4,14 +4,9 @@ use drivelog::Preamble;
 use messages::Pose;
 use settings::{Settings, SettingsError, Viewer};
 
-/// Settings that do not go into a log.
-pub type DescriptionError = SettingsError;
-
 /// The preamble of a run with these settings.
-///
-/// # Errors
-/// When a path of the settings is not UTF-8.
-pub fn describe(run: u64, settings: &Settings) -> Result<Preamble, DescriptionError> {
+/// Fails when a path of the settings is not UTF-8.
+pub(super) fn describe(run: u64, settings: &Settings) -> Result<Preamble, SettingsError> {
     let model = model(settings.robot.model);
     let own = settings.robot.sonar.iter();
     let own = own.map(|sonar| (sonar.x_m.get(), sonar.y_m.get(), sonar.heading_deg.get()));

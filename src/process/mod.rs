@@ -1,5 +1,7 @@
 //! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
 
+mod recorder;
+
 use crate::exit::BadInput;
 use bus::{Membership, Shell};
 use settings::{BuiltIn, Settings};

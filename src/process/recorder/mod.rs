@@ -1,58 +1,34 @@
 //! The recorder as a process: from the bus to the disk.
 
+mod description;
+mod inputs;
+
+use ::recorder::{LogFile, Tape};
+use anyhow::{Result, anyhow};
+use bus::{Checkpoint, Context, Next, Shell, StepError};
+use description::describe;
+use drivelog::Preamble;
+use inputs::Inputs;
+use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
+use settings::{Pace, Settings};
 use std::convert::Infallible;
 use std::io;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError};
-use drivelog::{Preamble, WriteError};
-use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
-use settings::{Pace, Settings};
-
-use crate::description::{DescriptionError, describe};
-use crate::file::LogFile;
-use crate::inputs::Inputs;
-use crate::tape::Tape;
 
 /// Camera frames after which to flush in lockstep: half of what playback has on the way.
 const HELD_FRAMES: u64 = 4;
 /// Time until a file that refused is tried again.
 const RETRY: Duration = Duration::from_secs(1);
 
-/// Why the recorder ended that should not have.
-#[derive(Debug, thiserror::Error)]
-pub enum RecorderError {
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work.
-    #[error("{0}")]
-    Run(#[from] RunError),
-    /// The settings do not go into the log.
-    #[error("{0}")]
-    Description(#[from] DescriptionError),
-    /// The log cannot be begun.
-    #[error("{0}")]
-    Write(#[from] WriteError),
-    /// The file cannot be made.
-    #[error("{}: the log cannot be made: {source}", path.display())]
-    File {
-        /// The log.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-}
-
 /// Records until the run has ended.
 ///
 /// # Errors
 /// When the bus fails or the log cannot be begun.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), RecorderError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let membership = shell.membership();
     let path = settings.out.join(settings.recorder.file.as_str());
-    let file = LogFile::of_run(&path, membership.run()).map_err(|source| RecorderError::File { path: path.clone(), source })?;
+    let file = LogFile::of_run(&path, membership.run()).map_err(|error| anyhow!("{}: the log cannot be made: {error}", path.display()))?;
     tracing::info!("recording into {}", file.path().display());
     let preamble = describe(membership.run(), settings)?;
     let tape = Tape::new(&preamble)?;

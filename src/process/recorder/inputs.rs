@@ -1,5 +1,6 @@
 //! Everything that is said on the bus, brought onto the tape.
 
+use ::recorder::Tape;
 use bus::{BusError, FrameReader, Reader, Received, Shell, StepError};
 use drivelog::{Logged, Recording, WriteError};
 use messages::{
@@ -7,15 +8,13 @@ use messages::{
     SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
 
-use crate::tape::Tape;
-
 /// Most messages taken from one input in one step: the heartbeat must not wait for a flood to end.
 const MOST_AT_ONCE: usize = 256;
 /// As many pictures; one takes up to 2 ms.
 const MOST_PICTURES_AT_ONCE: usize = 16;
 
 /// The inputs of the recorder.
-pub(crate) struct Inputs {
+pub(super) struct Inputs {
     statuses: Input<DeploymentStatus>,
     scans: Input<SonarScan>,
     /// `None` when pictures are not recorded.
@@ -37,17 +36,17 @@ pub(crate) struct Inputs {
 
 /// What a round of taking found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Taken {
+pub(super) struct Taken {
     /// There may be more.
-    pub(crate) more: bool,
+    pub(super) more: bool,
     /// Scans among it.
-    pub(crate) scans: u64,
+    pub(super) scans: u64,
     /// Camera frames among it.
-    pub(crate) frames: u64,
+    pub(super) frames: u64,
 }
 
 impl Inputs {
-    pub(crate) fn open(shell: &mut Shell, pictures: bool) -> Result<Self, BusError> {
+    pub(super) fn open(shell: &mut Shell, pictures: bool) -> Result<Self, BusError> {
         Ok(Self {
             statuses: Input::open(shell)?,
             scans: Input::open(shell)?,
@@ -70,7 +69,7 @@ impl Inputs {
 
     /// Takes what waits, up to a share for each input; `look` sees the statuses, which come first: what a process sent before it
     /// was over waits already when the status says that it is.
-    pub(crate) fn take(&mut self, tape: &mut Tape, look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
+    pub(super) fn take(&mut self, tape: &mut Tape, look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
         let before = (self.scans.place.taken, self.frames.as_ref().map_or(0, |frames| frames.place.taken));
         let more = self.statuses.drain(tape, Recording::report, look)?
             | self.scans.drain(tape, Recording::scan, |_| ())?
@@ -93,7 +92,7 @@ impl Inputs {
     }
 
     /// Leaves out scans and frames up to these: they are in the log already.
-    pub(crate) fn skip_to(&mut self, scan: u64, frame: u64) {
+    pub(super) fn skip_to(&mut self, scan: u64, frame: u64) {
         self.scans.reader.skip_to(scan, 0);
         if let Some(frames) = &mut self.frames {
             frames.reader.skip_to(frame, 0);
@@ -101,12 +100,12 @@ impl Inputs {
     }
 
     /// The last scan taken.
-    pub(crate) fn last_scan(&self) -> u64 {
+    pub(super) fn last_scan(&self) -> u64 {
         self.scans.place.last_seq
     }
 
     /// The last camera frame taken; `None` when they are not recorded.
-    pub(crate) fn last_frame(&self) -> Option<u64> {
+    pub(super) fn last_frame(&self) -> Option<u64> {
         self.frames.as_ref().map(|frames| frames.place.last_seq)
     }
 }
