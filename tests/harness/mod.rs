@@ -5,6 +5,7 @@ pub(crate) mod cork;
 pub(crate) mod replays;
 
 use std::io::Read;
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -166,11 +167,7 @@ impl Run {
 
     /// Waits for its end, but not for ever.
     pub(crate) fn end(mut self) -> Output {
-        let pid = rustix::process::Pid::from_child(&self.child);
-        let ended = rustix::process::pidfd_open(pid, rustix::process::PidfdFlags::empty()).unwrap();
-        let mut polled = [rustix::event::PollFd::new(&ended, rustix::event::PollFlags::IN)];
-        let patience = rustix::event::Timespec { tv_sec: WATCHDOG.as_secs() as i64, tv_nsec: 0 };
-        assert_eq!(rustix::event::poll(&mut polled, Some(&patience)).unwrap(), 1, "the command hangs");
+        wait_for_exit(&exit_of(self.pid()));
         let status = self.child.wait().unwrap();
         let stdout = self.stdout.take().unwrap().join().unwrap();
         let stderr = self.stderr.take().unwrap().join().unwrap();
@@ -191,6 +188,26 @@ fn collect(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<Vec<
         let _ = pipe.read_to_end(&mut bytes);
         bytes
     })
+}
+
+/// A descriptor that becomes readable when the process exits.
+fn exit_of(pid: u32) -> OwnedFd {
+    let pid = rustix::process::Pid::from_raw(i32::try_from(pid).unwrap()).unwrap();
+    rustix::process::pidfd_open(pid, rustix::process::PidfdFlags::empty()).unwrap()
+}
+
+/// The same for every child of a process.
+pub(crate) fn exits_of_children(pid: u32) -> Vec<OwnedFd> {
+    let children = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap();
+    children.split_ascii_whitespace().map(|child| exit_of(child.parse().unwrap())).collect()
+}
+
+/// Waits for an exit, but not for ever.
+#[track_caller]
+pub(crate) fn wait_for_exit(exit: &OwnedFd) {
+    let mut polled = [rustix::event::PollFd::new(exit, rustix::event::PollFlags::IN)];
+    let watchdog = rustix::event::Timespec { tv_sec: WATCHDOG.as_secs() as i64, tv_nsec: 0 };
+    assert_eq!(rustix::event::poll(&mut polled, Some(&watchdog)).unwrap(), 1, "the process hangs");
 }
 
 pub(crate) fn kill(pid: u64) {
