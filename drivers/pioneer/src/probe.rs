@@ -16,8 +16,12 @@ use crate::session::Session;
 /// How long a robot that answers is listened to, ns: sixteen sonars fire more than three times.
 const LISTEN_NS: u64 = 2_500_000_000;
 
-/// Longest that a probe takes, ns: a robot left open is closed first, and every baud rate has its turn.
-const PATIENCE_NS: u64 = 20_000_000_000;
+/// Rounds over all baud rates without an answer after which the probe gives up. The first may fall into the start of a board that
+/// resets when its port is opened; from the second on, a robot that was left synchronised is closed first.
+const ROUNDS: u64 = 3;
+
+/// Longest that a probe takes, ns: three rounds over five baud rates take 19 s, and what answers then has as long again.
+const PATIENCE_NS: u64 = 40_000_000_000;
 
 /// What answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +93,6 @@ struct Findings {
     connected_ns: u64,
     fired: BTreeSet<u32>,
     packets: u64,
-    gave_up: bool,
 }
 
 /// Asks who is on a port. The robot is not moved, and closed at the end.
@@ -108,7 +111,7 @@ pub fn probe(port: &Path, parameters: &Parameters) -> Result<Answer, ProbeError>
     let mut input = Input::Opened;
     let mut bytes = [0; 4096];
     let mut count;
-    while !findings.are_complete(now_ns()) {
+    while !findings.are_complete(now_ns()) && session.rounds() < ROUNDS {
         for output in session.step(input, now_ns()) {
             findings.take(&output, now_ns());
             act(&output, &mut line).map_err(lost)?;
@@ -150,7 +153,6 @@ impl Findings {
                 self.identity = Some((identity.clone(), *baud));
                 self.connected_ns = now_ns;
             }
-            Output::Event(Event::NoAnswer { .. }) => self.gave_up = true,
             Output::Publish(kept) => {
                 self.packets += 1;
                 self.fired.extend(kept.scan.readings().iter().map(|reading| reading.sonar));
@@ -161,7 +163,7 @@ impl Findings {
 
     fn are_complete(&self, now_ns: u64) -> bool {
         let heard = self.identity.is_some() && now_ns.saturating_sub(self.connected_ns) >= LISTEN_NS;
-        heard || self.gave_up || now_ns >= PATIENCE_NS
+        heard || now_ns >= PATIENCE_NS
     }
 
     fn answer(self, port: String, parameters: &Parameters, damaged: u64, note: String) -> Result<Answer, ProbeError> {

@@ -7,8 +7,10 @@
 //!     |  | 400 ms                                 | status packets of a session that was cut off a moment ago
 //!     v  |                                        |
 //!  Closing <-- status packets: left open ---------+
+//!          <-- an echo is missing, or a round over all baud rates was silent: left synchronised
 //! ```
 //!
+//! A robot that was synchronised but never opened takes SYNC0 for PULSE and answers nothing until it is closed.
 //! To a robot that is open, SYNC0 and SYNC1 are PULSE and OPEN: a handshake tried on it does no harm, and what comes back tells
 //! which of the two it was. Every wrong turn ends in a time limit and a new handshake.
 
@@ -49,8 +51,12 @@ enum State {
     Absent,
     /// SYNC `step` is sent, its echo is due.
     Syncing { step: u8, due_ns: u64 },
-    /// CLOSE is sent to a robot that was left open.
-    Closing { due_ns: u64 },
+    /// CLOSE is sent to a robot that is, or may have been, left in a session.
+    Closing {
+        due_ns: u64,
+        /// Its status packets show that it was left open.
+        left_open: bool,
+    },
     /// OPEN is sent, status packets come or should.
     Open(Open),
     /// CLOSE is sent for good.
@@ -136,11 +142,17 @@ impl Session {
     pub fn due_ns(&self) -> Option<u64> {
         match self.state {
             State::Absent | State::Ended => None,
-            State::Syncing { due_ns, .. } | State::Closing { due_ns } => Some(due_ns),
+            State::Syncing { due_ns, .. } | State::Closing { due_ns, .. } => Some(due_ns),
             State::Open(open) => {
                 Some(open.pulse_due_ns.min(open.repeat_due_ns).min(open.heard_ns.saturating_add(self.parameters.link_lost_ns)))
             }
         }
+    }
+
+    /// Rounds over all baud rates without an answer since the last connection.
+    #[must_use]
+    pub fn rounds(&self) -> u64 {
+        self.rounds
     }
 
     /// Number of the last scan; 0 before the first.
@@ -178,9 +190,13 @@ impl Session {
     pub fn note(&self, port: &str) -> String {
         match self.state {
             State::Absent => format!("waiting for {port}"),
-            State::Syncing { .. } if self.rounds == 0 => format!("looking for a robot on {port} at {} baud", self.baud()),
-            State::Syncing { .. } => format!("no robot answers on {port}; trying {} baud", self.baud()),
-            State::Closing { .. } => format!("closing the robot on {port}, which was left open"),
+            State::Syncing { .. } | State::Closing { left_open: false, .. } if self.rounds == 0 => {
+                format!("looking for a robot on {port} at {} baud", self.baud())
+            }
+            State::Syncing { .. } | State::Closing { left_open: false, .. } => {
+                format!("no robot answers on {port}; trying {} baud", self.baud())
+            }
+            State::Closing { left_open: true, .. } => format!("closing the robot on {port}, which was left open"),
             State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
             State::Open(_) if self.refused_in_a_row >= MANY_REFUSED => {
                 format!("{} packets in a row refused: pioneer.speed_limit_m_s or turn_limit_rad_s is too low?", self.refused_in_a_row)
@@ -255,9 +271,8 @@ impl Session {
                     if self.closings.is_power_of_two() {
                         out.push(Output::Event(Event::AlreadyOpen { closings: self.closings }));
                     }
-                    out.push(Output::Send(Command::Close));
                     self.disconnected();
-                    self.state = State::Closing { due_ns: now_ns + self.parameters.closing_ns };
+                    self.close(true, now_ns, out);
                 }
             },
             State::Open(_) => self.publish(&sip, stamp_ns, now_ns, out),
@@ -268,13 +283,19 @@ impl Session {
     fn heard_other(&mut self, frame: &Frame, now_ns: u64, out: &mut Vec<Output>) {
         let answer = frame.data.first().copied();
         match self.state {
+            // Whatever was asked: a robot that names itself is synchronised. Some take CLOSE for the last step of a handshake.
+            State::Syncing { .. } | State::Closing { left_open: false, .. } if answer == Some(number::SYNC2) => {
+                if let Ok(identity) = Identity::decode(&frame.data) {
+                    self.disconnected();
+                    self.open(&identity, now_ns, out);
+                }
+            }
             State::Syncing { step, .. } if answer == Some(step) => {
                 // A robot that answers a handshake is not in the session of an earlier process.
                 self.disconnected();
                 match step {
                     number::SYNC0 => self.send_sync(Command::Sync1, number::SYNC1, now_ns, out),
-                    number::SYNC1 => self.send_sync(Command::Sync2, number::SYNC2, now_ns, out),
-                    _ => self.open(&Identity::decode(&frame.data).unwrap_or_default(), now_ns, out),
+                    _ => self.send_sync(Command::Sync2, number::SYNC2, now_ns, out),
                 }
             }
             // It echoes PULSE: it takes it for SYNC0, so it has been switched off and on.
@@ -290,7 +311,7 @@ impl Session {
     fn tick(&mut self, now_ns: u64, out: &mut Vec<Output>) {
         match self.state {
             State::Syncing { step, due_ns } if now_ns >= due_ns => self.no_echo(step, now_ns, out),
-            State::Closing { due_ns } if now_ns >= due_ns => {
+            State::Closing { due_ns, .. } if now_ns >= due_ns => {
                 out.push(Output::Flush);
                 self.deframer.flush();
                 self.sync(now_ns, out);
@@ -303,7 +324,7 @@ impl Session {
     fn no_echo(&mut self, step: u8, now_ns: u64, out: &mut Vec<Output>) {
         if step != number::SYNC0 && self.tries_after_echo < TRIES_AFTER_ECHO {
             self.tries_after_echo += 1;
-            self.sync(now_ns, out);
+            self.close(false, now_ns, out);
             return;
         }
         self.tries_after_echo = 0;
@@ -317,7 +338,17 @@ impl Session {
         }
         out.push(Output::Baud(self.baud()));
         self.deframer.flush();
-        self.sync(now_ns, out);
+        // Where a whole round was silent, the robot may be in a session that shows no sign of life: synchronised, never opened.
+        match self.rounds {
+            0 => self.sync(now_ns, out),
+            _ => self.close(false, now_ns, out),
+        }
+    }
+
+    /// Ends whatever session the robot may be in; a handshake follows.
+    fn close(&mut self, left_open: bool, now_ns: u64, out: &mut Vec<Output>) {
+        out.push(Output::Send(Command::Close));
+        self.state = State::Closing { due_ns: now_ns + self.parameters.closing_ns, left_open };
     }
 
     fn tick_open(&mut self, mut open: Open, now_ns: u64, out: &mut Vec<Output>) {

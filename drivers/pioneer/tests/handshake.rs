@@ -68,6 +68,30 @@ fn a_robot_left_open_is_closed_first() {
 }
 
 #[test]
+fn a_robot_synchronised_but_never_opened_is_closed_and_opened() {
+    for baud in [9600, 115_200] {
+        let mut drive = Drive::new(Robot { baud, named: true, ..Robot::pioneer_1() });
+        drive.run(13 * S);
+        assert_eq!(connected(&drive), 1, "{baud}: {:?}", drive.events);
+        drive.check_stream();
+    }
+}
+
+#[test]
+fn a_lost_identity_is_asked_for_again_at_the_same_baud_rate() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    let mut answers = 0;
+    // The answers to SYNC0 and SYNC1 pass, that to SYNC2 is lost: the robot is left synchronised.
+    drive.damage = Box::new(move |bytes| {
+        answers += u32::from(!bytes.is_empty());
+        if answers == 3 && !bytes.is_empty() { Vec::new() } else { bytes }
+    });
+    drive.run(3 * S);
+    assert!(matches!(&drive.events[..], [Event::Connected { baud: 9600, .. }]), "{:?}", drive.events);
+    assert_eq!(drive.robot.heard[3..5], [number::CLOSE, number::SYNC0]);
+}
+
+#[test]
 fn a_robot_that_hears_nothing_does_not_fill_the_log() {
     let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
     drive.robot.deaf = true;

@@ -33,7 +33,7 @@ enum Link {
     Synced0,
     /// SYNC1 has been answered.
     Synced1,
-    /// SYNC2 has been answered: waits for OPEN.
+    /// SYNC2 has been answered: waits for OPEN. From here on 0, 1 and 2 are PULSE, OPEN and CLOSE.
     Ready,
     /// Sends status packets.
     Open,
@@ -127,7 +127,7 @@ impl RobotEnd {
 
     fn obey(&mut self, command: &Command) -> Vec<u8> {
         match (self.link, command.number) {
-            (Link::Open, number::CLOSE) => self.link = Link::Closed,
+            (Link::Open | Link::Ready, number::CLOSE) => self.link = Link::Closed,
             (Link::Open, number::SETO) => self.origin = self.odometry,
             (Link::Open, number::ENABLE) => self.motors_on = switched_on(command),
             (Link::Open, number::SONAR) => self.sonars_on = switched_on(command),
@@ -136,11 +136,12 @@ impl RobotEnd {
             }
             // PULSE, OPEN, which a client that does not know of the open session sends as SYNC0 and SYNC1, and everything else.
             (Link::Open, _) => {}
+            (Link::Ready, number::OPEN) => self.link = Link::Open,
+            (Link::Ready, _) => {}
             (_, number::SYNC0) => return self.answer(Link::Synced0, Command::plain(number::SYNC0).encode()),
             (Link::Synced0 | Link::Synced1, number::SYNC1) => return self.answer(Link::Synced1, Command::plain(number::SYNC1).encode()),
-            (Link::Synced1 | Link::Ready, number::SYNC2) => return self.answer(Link::Ready, self.identity.encode()),
-            (Link::Ready, number::OPEN) => self.link = Link::Open,
-            (Link::Closed | Link::Synced0 | Link::Synced1 | Link::Ready, _) => {}
+            (Link::Synced1, number::SYNC2) => return self.answer(Link::Ready, self.identity.encode()),
+            (Link::Closed | Link::Synced0 | Link::Synced1, _) => {}
         }
         Vec::new()
     }

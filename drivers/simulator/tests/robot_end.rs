@@ -113,11 +113,24 @@ fn open_is_nothing_without_the_handshake_and_close_before_it_does_no_harm() {
         assert_eq!(say(&mut robot, Command::plain(stray)), NOTHING);
         assert!(!robot.is_open());
     }
-    for step in [number::SYNC0, number::SYNC1, number::SYNC1, number::SYNC2, number::SYNC2] {
+    for step in [number::SYNC0, number::SYNC0, number::SYNC1, number::SYNC1, number::SYNC2] {
         assert!(!say(&mut robot, Command::plain(step)).is_empty(), "a client that missed an answer asks again");
     }
     say(&mut robot, Command::int(number::OPEN, 1));
     assert!(robot.is_open());
+}
+
+#[test]
+fn a_robot_synchronised_but_not_opened_answers_nothing_until_it_is_closed() {
+    for end in [number::SYNC2, number::CLOSE] {
+        let mut robot = robot("pioneer-1");
+        for step in [number::SYNC0, number::SYNC1, number::SYNC2] {
+            assert!(!say(&mut robot, Command::plain(step)).is_empty());
+        }
+        assert_eq!(say(&mut robot, Command::plain(number::SYNC0)), NOTHING, "it is PULSE now");
+        assert_eq!(say(&mut robot, Command::plain(end)), NOTHING, "it is CLOSE now");
+        open(&mut robot);
+    }
 }
 
 #[test]
@@ -248,10 +261,7 @@ proptest! {
     fn any_bytes_are_borne_and_a_client_gets_through_after_them(junk: Vec<u8>, model in 0_usize..5) {
         let mut robot = RobotEnd::new(&Body::of(&psos::MODELS[model]), 4096, Pose::default());
         robot.push(&junk);
-        let was_open = robot.is_open();
-        if was_open {
-            say(&mut robot, Command::plain(number::CLOSE));
-        }
+        say(&mut robot, Command::plain(number::CLOSE));
         open(&mut robot);
         prop_assert_eq!(sip(&robot.tick(&packet(1, 2.0))).readings.len(), if robot.sonars_on() { 2 } else { 0 });
     }

@@ -20,7 +20,7 @@ pub(crate) struct Robot {
     pub subclass: &'static str,
     pub baud: u32,
     pub open: bool,
-    /// Whether the handshake is done.
+    /// Whether the handshake is done: until it is opened or closed, the robot takes SYNC0 for PULSE.
     pub named: bool,
     /// Whether the next OPEN is lost on its way.
     pub misses_open: bool,
@@ -85,6 +85,8 @@ impl Robot {
                     self.open = true;
                     self.next_sip_ns = now_ns + 100 * MS;
                 }
+                (false, number::CLOSE) if self.named => self.named = false,
+                (false, number::PULSE) if self.named => {}
                 (false, number::SYNC0 | number::SYNC1) => answer.extend(psos::encode_frame(&[command.number]).unwrap()),
                 (false, number::SYNC2) => {
                     self.named = true;
