@@ -1,6 +1,7 @@
 //! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
 
 mod recorder;
+mod viewer;
 
 use crate::exit::BadInput;
 use bus::{Membership, Shell};

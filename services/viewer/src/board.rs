@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use messages::{MapTile, TILE_CELLS, WayChunk};
+use serde::Serialize;
 use tungstenite::Message;
 
 /// Most tiles sent at once: what a slow line takes in a fraction of a second.
@@ -105,6 +106,17 @@ impl Board {
     pub fn put(&mut self, topic: Topic, message: Message) {
         self.change += 1;
         self.topics[topic as usize] = Some((self.change, message));
+    }
+
+    /// Puts this as JSON in place of the message before.
+    pub fn put_json(&mut self, topic: Topic, value: &impl Serialize) {
+        match serde_json::to_string(value) {
+            Ok(text) => self.put(topic, Message::text(text)),
+            Err(error) => {
+                tracing::error!("a message for the page cannot be written: {error}");
+                self.put(topic, Message::text("{}"));
+            }
+        }
     }
 
     /// Tiles on the board.

@@ -9,7 +9,8 @@
 //!
 //! - Core: [`Board`], [`Scene`], [`Status`], the [`http`] heads and who may look ([`access`]), one [`Connection`] over any stream,
 //!   and the [`Feed`](foxglove::Feed) of those who subscribe.
-//! - Shell: [`run`] joins it to the bus and to sockets. Everything happens in the one loop of the process.
+//! - Sockets: [`Server`] and [`Port`](foxglove::Port), which never block. The process that owns them, and the bus, are in the
+//!   `stillmap` command.
 //!
 //! A page at an address of this computer is served to this computer's own pages only (`Host` and `Origin` are checked, so that
 //! no other site's page can read it); one at another address asks for the token.
@@ -19,19 +20,20 @@ pub mod access;
 mod board;
 pub mod camera;
 mod connection;
+mod deployment;
 pub mod foxglove;
 pub mod http;
-mod inputs;
 mod link;
 mod listener;
 mod page;
-mod process;
 mod scene;
 mod server;
 mod status;
 
 pub use board::{Board, Cursor, Topic};
 pub use connection::{Command, Connection, Offer, Site};
-pub use process::{ViewerError, run};
+pub use deployment::Deployment;
+pub use listener::{Listener, RETRY as LISTEN_RETRY};
 pub use scene::{Beam, CameraView, Moving, Region, Replay, Scene, SceneView};
+pub use server::{Served, Server};
 pub use status::Status;

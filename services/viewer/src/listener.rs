@@ -8,12 +8,12 @@ use std::time::{Duration, Instant};
 /// Ports tried, from the first on.
 const PORTS: u16 = 10;
 /// Time until ports that were all taken are tried again.
-pub(crate) const RETRY: Duration = Duration::from_secs(2);
+pub const RETRY: Duration = Duration::from_secs(2);
 /// Most connections taken at once: the heartbeat must not wait for a flood to end.
 const ACCEPTED_AT_ONCE: usize = 32;
 
 /// A port that is opened as soon as it can be had.
-pub(crate) struct Listener {
+pub struct Listener {
     /// What is served there, in words.
     what: &'static str,
     address: IpAddr,
@@ -26,12 +26,12 @@ pub(crate) struct Listener {
 
 impl Listener {
     /// To serve this at the first free port of ten.
-    pub(crate) fn new(what: &'static str, address: IpAddr, first_port: u16) -> Self {
+    pub fn new(what: &'static str, address: IpAddr, first_port: u16) -> Self {
         Self { what, address, first_port, open: None, trouble: String::new(), tried: None }
     }
 
     /// Opens the port, now and then, until it is open; true when it has just been.
-    pub(crate) fn open(&mut self, now: Instant) -> bool {
+    pub fn open(&mut self, now: Instant) -> bool {
         if self.open.is_some() || self.tried.is_some_and(|tried| now.saturating_duration_since(tried) < RETRY) {
             return false;
         }
@@ -67,22 +67,22 @@ impl Listener {
     }
 
     /// Where it is open.
-    pub(crate) fn address(&self) -> Option<SocketAddr> {
+    pub fn address(&self) -> Option<SocketAddr> {
         self.open.as_ref().map(|(_, address)| *address)
     }
 
     /// Why it is not.
-    pub(crate) fn trouble(&self) -> &str {
+    pub fn trouble(&self) -> &str {
         &self.trouble
     }
 
     /// What tells that somebody has come.
-    pub(crate) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+    pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.open.as_ref().map(|(listener, _)| listener.as_fd())
     }
 
     /// Takes who has come, as streams that do not block.
-    pub(crate) fn accept(&self) -> Vec<TcpStream> {
+    pub fn accept(&self) -> Vec<TcpStream> {
         let mut streams = Vec::new();
         let Some((listener, _)) = &self.open else { return streams };
         for _ in 0..ACCEPTED_AT_ONCE {

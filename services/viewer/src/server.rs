@@ -13,38 +13,44 @@ use crate::listener::Listener;
 const MOST_CONNECTIONS: usize = 32;
 
 /// Serves whoever comes to the page's address.
-pub(crate) struct Server {
-    pub(crate) listener: Listener,
+pub struct Server {
+    /// Accepts browsers.
+    pub listener: Listener,
     access: Access,
     obeys: bool,
     connections: Vec<Connection<TcpStream>>,
-    pub(crate) served: Served,
+    /// Counts of what was sent.
+    pub served: Served,
 }
 
 /// What was served so far.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Served {
-    pub(crate) frames: u64,
-    pub(crate) bytes: u64,
-    pub(crate) missed: u64,
-    pub(crate) turned_away: u64,
+pub struct Served {
+    /// Rounds in which a browser was sent something.
+    pub frames: u64,
+    /// Bytes of messages.
+    pub bytes: u64,
+    /// Rounds that a browser missed because it had not taken those before.
+    pub missed: u64,
+    /// Connections that were closed at once because there were enough.
+    pub turned_away: u64,
 }
 
 impl Server {
     /// A page at this address, at the first free port of ten.
-    pub(crate) fn new(address: IpAddr, first_port: u16, access: Access, obeys: bool) -> Self {
+    pub fn new(address: IpAddr, first_port: u16, access: Access, obeys: bool) -> Self {
         let listener = Listener::new("page", address, first_port);
         Self { listener, access, obeys, connections: Vec::new(), served: Served::default() }
     }
 
     /// What wakes the process.
-    pub(crate) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
+    pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let streams = self.connections.iter().filter_map(Connection::stream);
         self.listener.descriptor().into_iter().chain(streams.map(TcpStream::as_fd))
     }
 
     /// Takes new connections and what the others say; the commands among it.
-    pub(crate) fn advance(&mut self, now: Instant) -> Vec<Command> {
+    pub fn advance(&mut self, now: Instant) -> Vec<Command> {
         self.accept(now);
         let site = Site { access: &self.access, obeys: self.obeys };
         let commands = self.connections.iter_mut().flat_map(|connection| connection.advance(site, now)).collect();
@@ -53,7 +59,7 @@ impl Server {
     }
 
     /// Sends everybody what he lacks.
-    pub(crate) fn offer(&mut self, board: &Board, now: Instant) {
+    pub fn offer(&mut self, board: &Board, now: Instant) {
         for connection in &mut self.connections {
             match connection.offer(board, now) {
                 Offer::Taken(0) | Offer::Absent => {}
@@ -68,22 +74,22 @@ impl Server {
     }
 
     /// Browsers that watch.
-    pub(crate) fn watching(&self) -> usize {
+    pub fn watching(&self) -> usize {
         self.connections.iter().filter(|connection| connection.is_watching()).count()
     }
 
     /// Whether a stream has not taken everything yet.
-    pub(crate) fn is_writing(&self) -> bool {
+    pub fn is_writing(&self) -> bool {
         self.connections.iter().any(Connection::is_writing)
     }
 
     /// Whether somebody who watches lacks something.
-    pub(crate) fn is_behind(&self, board: &Board) -> bool {
+    pub fn is_behind(&self, board: &Board) -> bool {
         self.connections.iter().any(|connection| connection.is_behind(board))
     }
 
     /// Says to everybody that nothing more comes.
-    pub(crate) fn bid_farewell(&mut self) {
+    pub fn bid_farewell(&mut self) {
         self.connections.iter_mut().for_each(Connection::bid_farewell);
     }
 

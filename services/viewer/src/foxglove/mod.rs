@@ -15,4 +15,4 @@ mod protocol;
 mod scene;
 
 pub use feed::{Feed, Sent};
-pub(crate) use port::Port;
+pub use port::Port;

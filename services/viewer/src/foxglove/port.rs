@@ -8,19 +8,21 @@ use super::feed::Feed;
 use crate::listener::Listener;
 
 /// Where Foxglove connects to.
-pub(crate) struct Port {
-    pub(crate) listener: Listener,
-    pub(crate) feed: Feed<TcpStream>,
+pub struct Port {
+    /// Accepts clients.
+    pub listener: Listener,
+    /// The clients and what they are sent.
+    pub feed: Feed<TcpStream>,
 }
 
 impl Port {
     /// A port at this address, the first free one of ten.
-    pub(crate) fn new(address: IpAddr, first_port: u16, feed: Feed<TcpStream>) -> Self {
+    pub fn new(address: IpAddr, first_port: u16, feed: Feed<TcpStream>) -> Self {
         Self { listener: Listener::new("port for Foxglove", address, first_port), feed }
     }
 
     /// Takes who has come and what clients ask for.
-    pub(crate) fn advance(&mut self, now: Instant) {
+    pub fn advance(&mut self, now: Instant) {
         for stream in self.listener.accept() {
             self.feed.admit(stream, now);
         }
@@ -28,7 +30,7 @@ impl Port {
     }
 
     /// What wakes the process.
-    pub(crate) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
+    pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         self.listener.descriptor().into_iter().chain(self.feed.streams().map(TcpStream::as_fd))
     }
 }

@@ -1,22 +1,17 @@
 //! The viewer as a process: from the bus to browsers.
 
+mod inputs;
+
+use ::viewer::access::Access;
+use ::viewer::foxglove::{Feed, Port};
+use ::viewer::{Board, Deployment, LISTEN_RETRY, Scene, Server, Status, Topic};
+use anyhow::Result;
+use bus::{BusError, Context, Next, Shell, StepError, Writer};
+use inputs::{Inputs, Taken};
+use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessStatus};
+use settings::{BuiltIn, Settings};
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
-
-use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
-use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessStatus};
-use serde::Serialize;
-use settings::{BuiltIn, Settings};
-use tungstenite::Message;
-
-use crate::access::Access;
-use crate::board::{Board, Topic};
-use crate::foxglove::{Feed, Port};
-use crate::inputs::{Inputs, Taken};
-use crate::listener::RETRY;
-use crate::scene::Scene;
-use crate::server::Server;
-use crate::status::Status;
 
 /// Time between two frames: 20 a second are enough for the eye.
 const FRAME: Duration = Duration::from_millis(50);
@@ -25,29 +20,19 @@ const PICTURE: Duration = Duration::from_millis(80);
 /// How long browsers may take for the last frame.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Why the viewer ended that should not have.
-#[derive(Debug, thiserror::Error)]
-pub enum ViewerError {
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
-
 /// Shows the deployment until its run has ended.
 ///
 /// # Errors
 /// When the bus fails. A port that cannot be had is no failure: the run goes on without the page, and the status says so.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), ViewerError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let now = Instant::now();
     let of = &settings.viewer;
     let access = Access::new(of.address.get(), of.token.as_ref().map(settings::Token::as_str));
     let feed = Feed::new(settings.name.as_str(), shell.membership().run(), access.clone(), now);
     let obeys = settings.runs(BuiltIn::Playback);
     let mut board = Board::default();
-    board.put(Topic::Deployment, as_text(&Deployment::of(settings, None)));
+    let deployment = deployment(settings);
+    board.put_json(Topic::Deployment, &deployment);
     let others = settings.process.iter().filter(|process| !process.runs(BuiltIn::Viewer) && !process.runs(BuiltIn::Recorder));
     let mut viewer = Viewer {
         inputs: Inputs::open(&mut shell)?,
@@ -55,7 +40,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), ViewerError> {
         commands: 0,
         scene: Scene::new(settings.mapping.cell_m.get(), playback(settings)),
         board,
-        settings: settings.clone(),
+        deployment,
         server: Server::new(of.address.get(), of.port.get() as u16, access, obeys),
         foxglove: Port::new(of.address.get(), of.foxglove_port.get() as u16, feed),
         framed: now,
@@ -73,35 +58,17 @@ fn playback(settings: &Settings) -> Option<&str> {
     settings.process.iter().find(|process| process.runs(BuiltIn::Playback)).map(|process| process.name.as_str())
 }
 
-/// What the page is told of the deployment.
-#[derive(Serialize)]
-#[serde(tag = "kind", rename = "deployment")]
-struct Deployment<'a> {
-    name: &'a str,
-    cell_m: f64,
-    half_beam_rad: f64,
-    has_unfiltered: bool,
-    is_simulated: bool,
-    /// Whether there is a replay that obeys play and pause.
-    playback: bool,
-    /// Whether playback keeps a pace that can be set.
-    has_pace: bool,
-    /// The port that Foxglove connects to, once it can.
-    foxglove_port: Option<u16>,
-}
-
-impl<'a> Deployment<'a> {
-    fn of(settings: &'a Settings, foxglove_port: Option<u16>) -> Self {
-        Self {
-            name: settings.name.as_str(),
-            cell_m: settings.mapping.cell_m.get(),
-            half_beam_rad: settings.mapping.half_beam_deg.get().to_radians(),
-            has_unfiltered: settings.mapping.keep_unfiltered,
-            is_simulated: settings.runs(BuiltIn::Simulator),
-            playback: playback(settings).is_some(),
-            has_pace: settings.pace == settings::Pace::Live,
-            foxglove_port,
-        }
+/// What the page is told; the port for Foxglove is not open yet.
+fn deployment(settings: &Settings) -> Deployment {
+    Deployment {
+        name: settings.name.as_str().to_owned(),
+        cell_m: settings.mapping.cell_m.get(),
+        half_beam_rad: settings.mapping.half_beam_deg.get().to_radians(),
+        has_unfiltered: settings.mapping.keep_unfiltered,
+        is_simulated: settings.runs(BuiltIn::Simulator),
+        playback: playback(settings).is_some(),
+        has_pace: settings.pace == settings::Pace::Live,
+        foxglove_port: None,
     }
 }
 
@@ -111,7 +78,7 @@ struct Viewer {
     commands: u64,
     scene: Scene,
     board: Board,
-    settings: Settings,
+    deployment: Deployment,
     server: Server,
     foxglove: Port,
     framed: Instant,
@@ -153,8 +120,8 @@ impl Viewer {
     fn open(&mut self, now: Instant) {
         self.server.listener.open(now);
         if self.foxglove.listener.open(now) {
-            let port = self.foxglove.listener.address().map(|address| address.port());
-            self.board.put(Topic::Deployment, as_text(&Deployment::of(&self.settings, port)));
+            self.deployment.foxglove_port = self.foxglove.listener.address().map(|address| address.port());
+            self.board.put_json(Topic::Deployment, &self.deployment);
         }
     }
 
@@ -174,7 +141,7 @@ impl Viewer {
     fn note_news(&mut self, taken: &Taken, now: Instant) {
         self.scene_is_news |= taken.scene;
         if let Some(status) = &taken.status {
-            self.board.put(Topic::Status, as_text(&Status::from(status)));
+            self.board.put_json(Topic::Status, &Status::from(status));
             if self.over_since.is_none() && self.others_are_over(status) {
                 self.over_since = Some(now);
             }
@@ -206,7 +173,7 @@ impl Viewer {
             let are_open = self.server.listener.address().is_some() && self.foxglove.listener.address().is_some();
             return match (is_writing, are_open) {
                 (true, _) => Next::WaitAtMost(FRAME),
-                (false, false) => Next::WaitAtMost(RETRY),
+                (false, false) => Next::WaitAtMost(LISTEN_RETRY),
                 (false, true) => Next::Wait,
             };
         }
@@ -217,7 +184,7 @@ impl Viewer {
         self.framed = now;
         if std::mem::take(&mut self.scene_is_news) {
             let scene = self.scene.view();
-            self.board.put(Topic::Scene, as_text(&scene));
+            self.board.put_json(Topic::Scene, &scene);
             self.foxglove.feed.scene(&scene);
         }
         self.server.offer(&self.board, now);
@@ -246,17 +213,6 @@ impl Viewer {
         match self.server.listener.address() {
             Some(address) => context.note(&format!("http://{address}/")),
             None => context.note(self.server.listener.trouble()),
-        }
-    }
-}
-
-/// A message for the page.
-fn as_text(value: &impl Serialize) -> Message {
-    match serde_json::to_string(value) {
-        Ok(text) => Message::text(text),
-        Err(error) => {
-            tracing::error!("a message for the page cannot be written: {error}");
-            Message::text("{}")
         }
     }
 }

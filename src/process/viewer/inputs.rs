@@ -1,23 +1,19 @@
 //! What the viewer reads, brought onto the board and to whoever has subscribed.
 
-use std::net::TcpStream;
-
+use ::viewer::foxglove::Feed;
+use ::viewer::{Board, Scene, Topic, camera};
 use bus::{BusError, Frame, FrameReader, Reader, Received, Shell};
 use messages::{
     CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapTile, Payload, Pictures, SonarMotion,
     SonarScan, TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
-
-use crate::board::{Board, Topic};
-use crate::camera;
-use crate::foxglove::Feed;
-use crate::scene::Scene;
+use std::net::TcpStream;
 
 /// Most messages taken from one input in one round: the heartbeat must not wait for a flood to end.
 const MOST_AT_ONCE: usize = 256;
 
 /// The inputs of the viewer.
-pub(crate) struct Inputs {
+pub(super) struct Inputs {
     statuses: Reader<DeploymentStatus>,
     heartbeats: Reader<Heartbeat>,
     scans: Reader<SonarScan>,
@@ -36,17 +32,17 @@ pub(crate) struct Inputs {
 
 /// What a round of taking found.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Taken {
+pub(super) struct Taken {
     /// There may be more.
-    pub(crate) more: bool,
+    pub(super) more: bool,
     /// The scene looks different from before.
-    pub(crate) scene: bool,
+    pub(super) scene: bool,
     /// The newest status, if one came.
-    pub(crate) status: Option<DeploymentStatus>,
+    pub(super) status: Option<DeploymentStatus>,
 }
 
 impl Inputs {
-    pub(crate) fn open(shell: &mut Shell) -> Result<Self, BusError> {
+    pub(super) fn open(shell: &mut Shell) -> Result<Self, BusError> {
         Ok(Self {
             statuses: shell.reader()?,
             heartbeats: shell.reader()?,
@@ -66,7 +62,7 @@ impl Inputs {
     }
 
     /// Takes what waits, up to a share of each input.
-    pub(crate) fn take(&mut self, board: &mut Board, scene: &mut Scene, feed: &mut Feed<TcpStream>) -> Result<Taken, BusError> {
+    pub(super) fn take(&mut self, board: &mut Board, scene: &mut Scene, feed: &mut Feed<TcpStream>) -> Result<Taken, BusError> {
         let mut taken = Taken::default();
         let Taken { more, scene: seen, status } = &mut taken;
         *more |= drain(&mut self.statuses, |seq, stamp_ns, newest| {
@@ -119,7 +115,7 @@ impl Inputs {
 
     /// Takes the camera's pictures that wait and puts the newest on the board; unless one is wanted, they are let go. True when
     /// there is a new one.
-    pub(crate) fn take_picture(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
+    pub(super) fn take_picture(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
         let Some(frame) = newest(&mut self.frames)?.filter(|_| is_wanted) else { return Ok(false) };
         board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
         show(feed, &frame);
@@ -127,7 +123,7 @@ impl Inputs {
     }
 
     /// Takes the masks that wait, likewise: they come later than their pictures.
-    pub(crate) fn take_mask(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
+    pub(super) fn take_mask(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
         let Some(mask) = newest(&mut self.masks)?.filter(|_| is_wanted) else { return Ok(false) };
         board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
         show(feed, &mask);
