@@ -1,5 +1,6 @@
 //! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
 
+mod injector;
 mod recorder;
 mod viewer;
 

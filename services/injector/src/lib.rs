@@ -11,16 +11,13 @@ mod ballast;
 mod chance;
 mod line;
 mod order;
-mod process;
-mod relay;
 mod signals;
 mod timetable;
 mod words;
 
 pub use ballast::{Ballast, BallastError};
 pub use line::{Cargo, Counts, Line};
-pub use order::{OrderError, give_order};
-pub use process::{InjectorError, run};
+pub use order::{OrderError, give_order, take_orders};
 pub use signals::{SignalError, Victim};
 pub use timetable::{Deed, Harm, Timetable};
 pub use words::{News, Wish};

@@ -51,7 +51,10 @@ pub fn give_order(domain: &Path, fault: &PlannedFault) -> Result<(), OrderError>
 }
 
 /// Takes the orders that have come since.
-pub(crate) fn take_orders(domain: &Path) -> Vec<Result<PlannedFault, OrderError>> {
+///
+/// # Errors
+/// Each order that is no fault, or whose file cannot be removed, is an error of its own.
+pub fn take_orders(domain: &Path) -> Vec<Result<PlannedFault, OrderError>> {
     let mut taken = Vec::new();
     for entry in std::fs::read_dir(domain.join(FOLDER)).into_iter().flatten().flatten() {
         let path = entry.path();

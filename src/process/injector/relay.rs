@@ -1,43 +1,45 @@
 //! One routed service on the bus.
 
+use ::injector::{Cargo, Counts, Line, News};
 use bus::{BusError, Injection, Raw, Shell, Tap};
 use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
 use settings::{PlannedFault, RoutedService, StreamFault};
 
-use crate::line::{Cargo, Counts, Line};
-use crate::words::News;
-
 /// Most messages taken in one round, so that the heartbeat is never late.
 const TAKEN_PER_ROUND: usize = 256;
 
-impl<T: Payload> Cargo for Raw<T> {
+/// A message as it is in shared memory, which the line carries.
+#[derive(Clone)]
+struct Parcel<T: Payload>(Raw<T>);
+
+impl<T: Payload> Cargo for Parcel<T> {
     fn seq(&self) -> u64 {
-        Raw::seq(self)
+        self.0.seq()
     }
 
     fn stamp_ns(&self) -> u64 {
-        Raw::stamp_ns(self)
+        self.0.stamp_ns()
     }
 
     fn is_end(&self) -> bool {
-        Raw::is_end(self)
+        self.0.is_end()
     }
 
     fn turn_over(&mut self, bit: u64) {
-        Raw::turn_over(self, bit);
+        self.0.turn_over(bit);
     }
 
     fn leave_gap(&mut self) {
-        Raw::leave_gap(self);
+        self.0.leave_gap();
     }
 
     fn put_forward(&mut self, by_ns: u64) {
-        Raw::put_forward(self, by_ns);
+        self.0.put_forward(by_ns);
     }
 }
 
 /// A service on its way through the injector, whatever it carries.
-pub(crate) trait Relay {
+pub(super) trait Relay {
     /// Takes what waits and gives what may go on; true when there may be more.
     fn carry(&mut self, now_ns: u64) -> Result<bool, BusError>;
     /// Gives everything that is held back.
@@ -59,12 +61,12 @@ pub(crate) trait Relay {
 struct Carrier<T: Payload> {
     tap: Tap<T>,
     injection: Injection<T>,
-    line: Line<Raw<T>>,
+    line: Line<Parcel<T>>,
 }
 
 /// Opens a routed service; `began_ns` is the stamp of its first message when an earlier incarnation has seen it, and with
 /// `tells_gaps` its readers are told what is left out.
-pub(crate) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>, tells_gaps: bool) -> Result<Box<dyn Relay>, BusError> {
+pub(super) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>, tells_gaps: bool) -> Result<Box<dyn Relay>, BusError> {
     Ok(match service {
         RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, began_ns, tells_gaps)?),
         RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, began_ns, tells_gaps)?),
@@ -78,8 +80,8 @@ impl<T: Payload> Carrier<T> {
         Ok(Self { tap: shell.tap()?, injection: shell.injection()?, line: Line::new(began_ns, tells_gaps) })
     }
 
-    fn give(&self, messages: &[Raw<T>]) -> Result<(), BusError> {
-        messages.iter().try_for_each(|message| self.injection.send(message))
+    fn give(&self, messages: &[Parcel<T>]) -> Result<(), BusError> {
+        messages.iter().try_for_each(|message| self.injection.send(&message.0))
     }
 }
 
@@ -91,7 +93,7 @@ impl<T: Payload> Relay for Carrier<T> {
         while taken < TAKEN_PER_ROUND
             && let Some(message) = self.tap.take()?
         {
-            self.line.take(message, now_ns, &mut due);
+            self.line.take(Parcel(message), now_ns, &mut due);
             taken += 1;
         }
         self.give(&due)?;

@@ -1,40 +1,25 @@
 //! The injector as a process: between publishers and readers, and beside the processes that it disturbs.
 
+mod relay;
+
+use ::injector::{Ballast, Counts, Deed, Harm, News, SignalError, Timetable, Victim, Wish, take_orders};
+use anyhow::Result;
+use bus::{Checkpoint, Context, Next, Process, Reader, Received, Shell, StepError};
+use messages::{DeploymentStatus, ProcessStatus};
+use relay::Relay;
+use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
 use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, RunError, Shell, StepError};
-use messages::{DeploymentStatus, ProcessStatus};
-use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
-
-use crate::ballast::Ballast;
-use crate::line::Counts;
-use crate::order::take_orders;
-use crate::relay::{self, Relay};
-use crate::signals::Victim;
-use crate::timetable::{Deed, Harm, Timetable};
-use crate::words::{News, Wish};
-
 /// Shortest wait for a due time: what is due within it comes a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
-
-/// How the injector ended that should not have.
-#[derive(Debug, thiserror::Error)]
-pub enum InjectorError {
-    /// A service cannot be used.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The work loop failed.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
 
 /// Disturbs until the run has ended.
 ///
 /// # Errors
 /// When the bus fails.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), InjectorError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let checkpoint = shell.checkpoint();
     let began_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(saved.state))).unwrap_or_default();
     let mut relays = Vec::new();
@@ -172,7 +157,7 @@ impl Injector {
         }
     }
 
-    fn suffer(&self, process: &Name, harm: Harm) -> Result<(), crate::SignalError> {
+    fn suffer(&self, process: &Name, harm: Harm) -> Result<(), SignalError> {
         let pid = self.statuses.iter().find(|(name, _)| name == process.as_str()).map_or(0, |(_, pid)| *pid);
         Victim::find(self.supervisor, pid)?.suffer(harm)
     }
