@@ -1,4 +1,11 @@
 //! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
+//!
+//! A module here is the wiring of one process: streams in, the algorithm's step, streams out.
+
+pub mod fti;
+pub mod mapping;
+pub mod sbs;
+pub mod std;
 
 mod injector;
 mod recorder;
@@ -16,7 +23,7 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
     match built_in(kind)? {
         BuiltIn::Recorder => recorder::run(shell, &settings)?,
         BuiltIn::Mapping => mapping::run(shell, &settings)?,
-        BuiltIn::Std => stillmap_std::run(shell, &settings)?,
+        BuiltIn::Std => std::run(shell, &settings)?,
         BuiltIn::Sbs => sbs::run(shell, &settings)?,
         BuiltIn::Fti => fti::run(shell, &settings)?,
         BuiltIn::Pioneer => pioneer::run(shell, &settings)?,

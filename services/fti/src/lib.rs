@@ -18,11 +18,9 @@
 mod arc;
 mod dwell;
 mod hearing;
-mod missed;
 mod observe;
 mod parameters;
 mod pending;
-mod process;
 mod raw;
 mod region;
 mod sight;
@@ -38,7 +36,6 @@ mod variables;
 mod verdict;
 
 pub use parameters::{Camera, Parameters, ParametersError, Patience};
-pub use process::{FtiError, run};
 pub use settings::{Action, Cue, Tables, VerdictRule as Rule};
 pub use state::StateError;
 pub use step::{Fti, Grounds, Verdict};

@@ -17,7 +17,7 @@
 //!   (eq. 3) as a clamped sum of log-odds.
 //! - It stays *pending* until it is decided whether a moving thing caused it: by its verdict, or at the commit horizon. What is
 //!   *shown* is the committed lattice with the pending readings on top.
-//! - [`export`] makes the files that people and other robots read. [`run`] is the process on the bus.
+//! - [`export`] makes the files that people and other robots read.
 
 mod codec;
 mod cone;
@@ -33,7 +33,6 @@ mod mapper;
 mod numeric;
 mod parameters;
 mod pending;
-mod process;
 #[cfg(test)]
 mod reference;
 mod sensor_model;
@@ -45,6 +44,5 @@ pub use codec::StateError;
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
 pub use parameters::{Parameters, ParametersError};
-pub use process::{MappingError, run};
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

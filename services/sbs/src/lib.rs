@@ -16,7 +16,6 @@
 //! last frame to the model that has not been worth a resampling yet. Pictures from 320 wide on are worked on at half size
 //! (`working`); all that goes out is in the camera's pixels.
 //!
-//! `process` joins it to the bus: frames in, answers out; live, a frame that waits when a newer one is there is skipped.
 //! What takes most of the time is compiled for two vector units and chosen when it runs; both give the same bytes (`vectorised`).
 //!
 //! [`y4m`] and [`score`] read sequences with truth and tell how good a mask is.
@@ -34,7 +33,6 @@ mod direct;
 pub mod estimation;
 pub mod field;
 mod icp;
-mod kept;
 mod learning;
 mod local;
 pub mod mixture;
@@ -44,9 +42,7 @@ pub mod motion;
 mod order;
 mod picture;
 pub mod plane;
-mod process;
 mod pyramid;
-mod remarks;
 mod resample;
 mod rounding;
 mod samples;
@@ -65,7 +61,6 @@ pub use blobs::BlobRule;
 pub use checkpoint::{CHECKPOINT_VERSION, CheckpointError};
 pub use local::LocalRule;
 pub use picture::Refusal;
-pub use process::{SbsError, run};
 pub use settings::{Method, Settings};
 pub use shadow::ShadowRule;
 pub use state::{Answer, Frame, Odometry, Remark, State};

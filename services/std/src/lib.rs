@@ -11,7 +11,6 @@
 
 mod classes;
 mod parameters;
-mod process;
 mod seen_free;
 mod state;
 mod step;
@@ -19,7 +18,6 @@ mod tracks;
 mod tvm;
 
 pub use parameters::{Parameters, ParametersError};
-pub use process::{StdError, run};
 pub use settings::MovingCell as Rule;
 pub use state::StateError;
 pub use step::Std;

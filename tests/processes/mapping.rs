@@ -1,35 +1,22 @@
 //! The process on a bus of its own: what it sends and writes is what the fold gives, also when it is killed on the way.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use bus::{Domain, Membership, Reader, Received, Shell, Writer};
+use bus::{Domain, Reader, Received, Shell, Writer};
+use mapping::export::MapCopy;
+use mapping::{Input, Mapper, Parameters};
 use messages::{Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
-use settings::{Mapping, Pace, Settings};
-use stillmap_mapping::export::MapCopy;
-use stillmap_mapping::{Input, Mapper, Parameters};
+use settings::{Mapping, Pace};
 
 const SCANS: u64 = 400;
 
-/// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
-#[test]
-fn the_process() {
-    if std::env::var_os("STILLMAP_DOMAIN").is_none() {
-        return;
-    }
-    let membership = Membership::from_env().unwrap();
-    let settings = Settings::read(membership.settings_path()).unwrap();
-    stillmap_mapping::run(Shell::join(membership).unwrap(), &settings).unwrap();
-}
-
 fn start(domain: &Domain, incarnation: u32, settings: &Path) -> Child {
     let membership = domain.membership_for("mapping", incarnation, settings);
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "the_process", "--nocapture"]).envs(membership.environment()).stdout(Stdio::null());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+    command.args(["process", "mapping"]).envs(membership.environment()).stdout(Stdio::null());
     command.spawn().unwrap()
 }
 

@@ -5,7 +5,7 @@ use messages::{SonarMotion, SonarScan};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Settings};
 
-use crate::{Parameters, ParametersError, StateError, Std};
+use stillmap_std::{Parameters, ParametersError, StateError, Std};
 
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;

@@ -7,9 +7,8 @@ use bus::{BusError, Checkpoint, Context, Next, PartKey, Parts, Process, Reader, 
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
 use settings::{Pace, Settings};
 
-use crate::export::MapCopy;
-use crate::files::write_files;
-use crate::{Input, Mapper, Parameters, ParametersError, Refused};
+use ::mapping::export::MapCopy;
+use ::mapping::{Input, Mapper, Parameters, ParametersError, Refused, write_files};
 
 /// Scans between two checkpoints: with the lockstep window far fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
@@ -174,7 +173,7 @@ impl Mapping {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        self.checkpoint.keep_with(&self.mapper.save_head(), &mut self.mapper);
+        self.checkpoint.keep_with(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
         self.checkpointed = self.mapper.last_scan().0;
         Ok(())
     }
@@ -256,17 +255,20 @@ impl Mapping {
     }
 }
 
-impl Parts for Mapper {
+/// The tiles of a mapper's state as parts of a checkpoint.
+pub struct Tiles<'a>(pub &'a mut Mapper);
+
+impl Parts for Tiles<'_> {
     fn take_changed(&mut self) -> Vec<PartKey> {
-        self.take_unsaved()
+        self.0.take_unsaved()
     }
 
     fn all(&self) -> Vec<PartKey> {
-        self.saved_tiles()
+        self.0.saved_tiles()
     }
 
     fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
-        self.save_tile(key, bytes);
+        self.0.save_tile(key, bytes);
     }
 }
 

@@ -1,5 +1,7 @@
 //! The process around FTI: scans and what moves from the bus, verdicts onto it.
 
+mod missed;
+
 use std::time::{Duration, Instant};
 
 use bus::{
@@ -9,8 +11,9 @@ use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlo
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
 
-use crate::missed::{Missed, News};
-use crate::{Fti, Input, Parameters, ParametersError, StateError};
+use ::fti::{Fti, Input, Parameters, ParametersError, StateError};
+
+use missed::{Missed, News};
 
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
@@ -289,7 +292,7 @@ impl Integration {
         bytes.clear();
         let bytes = postcard::to_extend(&(self.place, self.recent.to_bytes()), bytes)?;
         self.saved = self.fti.save_head(bytes);
-        self.checkpoint.keep_with(&self.saved, &mut self.fti);
+        self.checkpoint.keep_with(&self.saved, &mut Tiles(&mut self.fti));
         self.checkpointed = self.place.scan;
         Ok(())
     }
@@ -326,17 +329,20 @@ impl Integration {
     }
 }
 
-impl Parts for Fti {
+/// The tiles of the state as parts of a checkpoint.
+struct Tiles<'a>(&'a mut Fti);
+
+impl Parts for Tiles<'_> {
     fn take_changed(&mut self) -> Vec<PartKey> {
-        self.take_unsaved()
+        self.0.take_unsaved()
     }
 
     fn all(&self) -> Vec<PartKey> {
-        self.saved_tiles()
+        self.0.saved_tiles()
     }
 
     fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
-        self.save_tile(key, bytes);
+        self.0.save_tile(key, bytes);
     }
 }
 

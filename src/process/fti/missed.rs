@@ -6,7 +6,7 @@ const STEADY: f64 = 5.0;
 
 /// What people know of a stream.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Missed {
+pub(super) struct Missed {
     since_s: Option<f64>,
     /// Since when it has come in time again.
     in_time_s: Option<f64>,
@@ -14,7 +14,7 @@ pub(crate) struct Missed {
 
 /// What they are to be told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum News {
+pub(super) enum News {
     /// It is missed.
     Missed,
     /// It is there again.
@@ -23,7 +23,7 @@ pub(crate) enum News {
 
 impl Missed {
     /// Takes note at `now_s` of whether the stream is late, which it may be by `late_s`.
-    pub(crate) fn look(&mut self, is_late: bool, now_s: f64, late_s: f64) -> Option<News> {
+    pub(super) fn look(&mut self, is_late: bool, now_s: f64, late_s: f64) -> Option<News> {
         if is_late {
             self.in_time_s = None;
             let is_news = self.since_s.is_none();
@@ -40,7 +40,7 @@ impl Missed {
     }
 
     /// Since when it is missed, s of deployment time.
-    pub(crate) fn since_s(&self) -> Option<f64> {
+    pub(super) fn since_s(&self) -> Option<f64> {
         self.since_s
     }
 }

@@ -2,15 +2,14 @@
 
 use messages::CameraStatus;
 
-use crate::picture::Refusal;
-use crate::state::{Answer, Remark};
+use ::sbs::{Answer, Refusal, Remark};
 
 /// So many frames long a word stays: at 15 frames a second long enough to be seen.
 const STAYS_FRAMES: u64 = 30;
 
 /// The last thing there was to say, and since when.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Remarks {
+pub(super) struct Remarks {
     /// What kind of thing; the numbers in the words change from frame to frame.
     kind: Option<&'static str>,
     words: String,
@@ -19,7 +18,7 @@ pub(crate) struct Remarks {
 
 impl Remarks {
     /// Takes account of the answer to a frame; `Some` with words when something new is to be said.
-    pub(crate) fn answered(&mut self, seq: u64, answer: &Answer) -> Option<&str> {
+    pub(super) fn answered(&mut self, seq: u64, answer: &Answer) -> Option<&str> {
         match words(seq, answer) {
             Some((kind, words)) => self.say(seq, kind, words),
             None => {
@@ -32,12 +31,12 @@ impl Remarks {
     }
 
     /// Takes account of a frame that the bus refused.
-    pub(crate) fn refused(&mut self, seq: u64, problem: &str) -> Option<&str> {
+    pub(super) fn refused(&mut self, seq: u64, problem: &str) -> Option<&str> {
         self.say(seq, "refused by the bus", format!("frame {seq} refused: {problem}"))
     }
 
     /// What there is to say now; empty when there is nothing.
-    pub(crate) fn now(&self) -> &str {
+    pub(super) fn now(&self) -> &str {
         &self.words
     }
 

@@ -1,17 +1,19 @@
 //! The process around SBS: frames from the bus, an answer to each onto it.
 
+mod kept;
+mod remarks;
+
 use bus::{BusError, Checkpoint, Context, FrameReader, FrameWriter, Next, Process, Received, RunError, Shell, StepError, Writer};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
 use settings::{BuiltIn, Compensation, Freedom, Pace};
 
-use crate::background::BackgroundRule;
-use crate::blobs::BlobRule;
-use crate::kept::{Kept, Place};
-use crate::plane::Plane;
-use crate::remarks::Remarks;
-use crate::settings::{Method, Settings};
-use crate::state::{Frame, Remark};
-use crate::transform::{Class, Transform};
+use ::sbs::background::BackgroundRule;
+use ::sbs::plane::Plane;
+use ::sbs::transform::{Class, Transform};
+use ::sbs::{BlobRule, Frame, Method, Remark, Settings};
+
+use kept::{Kept, Place};
+use remarks::Remarks;
 
 /// Frames between two checkpoints: with the lockstep window fewer than the stream's history holds.
 const CHECKPOINT_FRAMES: u64 = 8;

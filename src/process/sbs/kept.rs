@@ -3,29 +3,27 @@
 use bus::{Checkpoint, Recent};
 use messages::CameraMotion;
 
-use crate::checkpoint::CheckpointError;
-use crate::settings::Settings;
-use crate::state::State;
+use ::sbs::{CheckpointError, Settings, State};
 
 /// Number and stamp of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Place {
-    pub(crate) seq: u64,
-    pub(crate) stamp_ns: u64,
+pub(super) struct Place {
+    pub(super) seq: u64,
+    pub(super) stamp_ns: u64,
 }
 
 /// What a checkpoint keeps.
-pub(crate) struct Kept {
-    pub(crate) state: State,
+pub(super) struct Kept {
+    pub(super) state: State,
     /// Of the last frame that was answered.
-    pub(crate) place: Place,
+    pub(super) place: Place,
     /// The last answers.
-    pub(crate) recent: Recent<CameraMotion>,
+    pub(super) recent: Recent<CameraMotion>,
 }
 
 impl Kept {
     /// Goes on from the checkpoint when there is one that can be used; otherwise the background is learnt anew.
-    pub(crate) fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> Self {
+    pub(super) fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> Self {
         match checkpoint.take_up(|saved| Self::restore(parameters.clone(), saved.state)) {
             Some(kept) => {
                 tracing::info!("goes on after frame {}", kept.place.seq);
@@ -47,7 +45,7 @@ impl Kept {
     }
 
     /// Appends it as bytes, for the next incarnation.
-    pub(crate) fn write_to(&self, bytes: &mut Vec<u8>) {
+    pub(super) fn write_to(&self, bytes: &mut Vec<u8>) {
         let recent = self.recent.to_bytes();
         bytes.extend([self.place.seq, self.place.stamp_ns, recent.len() as u64].map(u64::to_le_bytes).as_flattened());
         bytes.extend(recent);
@@ -55,7 +53,7 @@ impl Kept {
     }
 
     /// Takes note of an answer.
-    pub(crate) fn answered(&mut self, place: Place, motion: &CameraMotion) {
+    pub(super) fn answered(&mut self, place: Place, motion: &CameraMotion) {
         self.place = place;
         self.recent.note(place.seq, place.stamp_ns, motion);
     }

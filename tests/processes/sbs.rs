@@ -1,37 +1,22 @@
 //! The process on a bus of its own: what it sends is what the fold gives, also when it is killed on the way, and frames that lie
 //! are answered with words.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
-mod common;
-
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use bus::{Domain, FrameReader, FrameWriter, Membership, Reader, Received, Shell};
-use common::{PERIOD_NS, grey, picture};
+use super::wall::{PERIOD_NS, grey, picture};
+use bus::{Domain, FrameReader, FrameWriter, Reader, Received, Shell};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Heartbeat, PixelFormat, Progress};
-use stillmap_sbs::{Answer, Frame, State};
+use sbs::{Answer, Frame, State};
 
 const SIZE: (usize, usize) = (96, 72);
 const FRAMES: u64 = 60;
 
-/// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
-#[test]
-fn the_process() {
-    if std::env::var_os("STILLMAP_DOMAIN").is_none() {
-        return;
-    }
-    let membership = Membership::from_env().unwrap();
-    let settings = settings::Settings::read(membership.settings_path()).unwrap();
-    stillmap_sbs::run(Shell::join(membership).unwrap(), &settings).unwrap();
-}
-
 fn start(domain: &Domain, incarnation: u32, settings: &Path) -> Child {
     let membership = domain.membership_for("sbs", incarnation, settings);
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "the_process", "--nocapture"]).envs(membership.environment()).stdout(Stdio::null());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+    command.args(["process", "sbs"]).envs(membership.environment()).stdout(Stdio::null());
     command.spawn().unwrap()
 }
 
@@ -49,7 +34,7 @@ fn frame(seq: u64) -> (u64, FrameLayout, Vec<u8>) {
 }
 
 fn fold() -> (Vec<Answer>, State) {
-    let mut state = State::new(stillmap_sbs::Settings::default());
+    let mut state = State::new(sbs::Settings::default());
     let answers = (1..=FRAMES).map(|seq| {
         let (stamp_ns, layout, bytes) = frame(seq);
         state.step(&Frame { stamp_ns, layout, bytes: &bytes, odometry: None })

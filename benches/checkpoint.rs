@@ -1,6 +1,6 @@
 //! Time to keep the state of a map of 50 × 50 m and of one four times as large: whole, and what a metre of driving has changed.
 //!
-//! `cargo bench -p stillmap-mapping --bench checkpoint`; says how many bytes each is, too.
+//! `cargo bench --bench checkpoint`; says how many bytes each is, too.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 
 use std::f64::consts::TAU;
@@ -9,9 +9,10 @@ use std::time::{Duration, Instant};
 
 use bus::{Checkpoint, Domain, Shell};
 use criterion::{Criterion, criterion_group, criterion_main};
+use mapping::{Input, Mapper, Parameters};
 use messages::{Pose, SonarReading, SonarScan};
 use settings::{Horizon, Mapping, Pace};
-use stillmap_mapping::{Input, Mapper, Parameters};
+use stillmap::process::mapping::Tiles;
 
 /// Edge of a tile, m.
 const TILE_M: f64 = 1.6;
@@ -50,7 +51,7 @@ impl Drive {
     }
 
     fn keep(&mut self, checkpoint: &mut Checkpoint) {
-        checkpoint.keep_with(&self.mapper.save_head(), &mut self.mapper);
+        checkpoint.keep_with(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
     }
 }
 

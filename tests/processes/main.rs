@@ -1,0 +1,8 @@
+//! Single processes on a bus of their own.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+
+mod mapping;
+mod sbs;
+#[path = "../../services/sbs/tests/common/wall.rs"]
+mod wall;
