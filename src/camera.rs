@@ -1,12 +1,40 @@
 //! `stillmap camera`: the cameras of this computer, one at a time, before a deployment uses them.
 
-use crate::cli::CameraCommand;
 use crate::exit::BadInput;
 use crate::output;
 use camera::{Coding, ControlInfo, Held, Offer, Snapshot, Trouble, Wish};
+use clap::Subcommand;
 use image::{GrayImage, ImageFormat};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum CameraCommand {
+    /// Tells which cameras there are, and what formats, sizes and controls they have
+    List {
+        /// Only this one
+        #[arg(value_name = "DEVICE")]
+        device: Option<PathBuf>,
+        /// Selects one of its inputs first, counted from 0
+        #[arg(long, value_name = "N", requires = "device")]
+        input: Option<u32>,
+    },
+    /// Takes a picture
+    Snapshot {
+        /// The camera, such as /dev/video0
+        #[arg(value_name = "DEVICE")]
+        device: PathBuf,
+        /// The picture's file
+        #[arg(long, value_name = "FILE.png")]
+        out: PathBuf,
+        /// Its size
+        #[arg(long, value_name = "WxH", default_value = "160x120", value_parser = size)]
+        size: (u32, u32),
+        /// One of the camera's inputs, counted from 0; the one that is selected when not given
+        #[arg(long, value_name = "N")]
+        input: Option<u32>,
+    },
+}
 
 /// Pictures a second that a snapshot asks for.
 const RATE_HZ: f64 = 15.0;
@@ -107,6 +135,12 @@ fn add(text: &mut String, what: &str, entries: &[String]) {
     let _ = writeln!(text, "  {what}: {}", entries.join(", "));
 }
 
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let numbers = text.split_once('x').and_then(|(width, height)| width.parse().ok().zip(height.parse().ok()));
+    let sound = |&(width, height): &(u32, u32)| (1..=8192).contains(&width) && (1..=8192).contains(&height);
+    numbers.filter(sound).ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 160x120".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,5 +173,13 @@ mod tests {
         let out = std::env::temp_dir().join("none.png");
         let command = CameraCommand::Snapshot { device: "/dev/zero".into(), out, size: (160, 120), input: None };
         assert_eq!(camera(&command).unwrap_err().to_string(), "/dev/zero: not a camera that streams pictures");
+    }
+
+    #[test]
+    fn a_size_is_two_numbers_of_pixels() {
+        assert_eq!(size("160x120"), Ok((160, 120)));
+        for wrong in ["", "160", "160x", "x120", "0x120", "160x9000", "160×120", "-1x2", "160x120x3"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
     }
 }

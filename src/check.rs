@@ -1,15 +1,41 @@
 //! `stillmap check`: settings before they are used.
 
 use crate::output;
+use clap::Args;
 use settings::{BuiltIn, Settings};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `stillmap check`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("what").required(true))]
+pub(crate) struct CheckArgs {
+    /// The settings file
+    #[arg(value_name = "FILE", group = "what")]
+    settings: Option<PathBuf>,
+    /// Prints the JSON schema of settings files
+    #[arg(long, group = "what")]
+    schema: bool,
+    /// Prints the reference of all settings
+    #[arg(long, group = "what")]
+    reference: bool,
+}
+
+/// Checks a settings file, or prints what settings there are; the exit code.
+pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<u8> {
+    match args {
+        CheckArgs { settings: Some(settings), .. } => check_file(settings)?,
+        CheckArgs { schema: true, .. } => output::write(&settings::schema())?,
+        CheckArgs { .. } => output::write(&settings::reference())?,
+    }
+    Ok(0)
+}
 
 /// Reads a settings file and whatever it names, and says what it describes.
-pub(crate) fn check(path: &Path) -> anyhow::Result<u8> {
+fn check_file(path: &Path) -> anyhow::Result<()> {
     let settings = read(path)?;
     let processes = settings.process.iter().map(|process| process.name.to_string()).collect::<Vec<_>>().join(", ");
     output::line(&format!("{}: fine: deployment {} of {processes}", path.display(), settings.name))?;
-    Ok(0)
+    Ok(())
 }
 
 /// Reads settings, and refuses now what a process would refuse later.

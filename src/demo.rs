@@ -1,24 +1,34 @@
 //! `stillmap demo`: the built-in deployment, so that the one file of the command is enough.
 
-use crate::cli::RunOptions;
-use crate::drive::{drive, once, place_output};
+use crate::args::RunOptions;
+use crate::drive::{drive, once, place_output, unique_name};
 use crate::evaluate::conclude;
 use crate::exit::BadInput;
-use crate::output;
+use crate::{built_in, output};
+use clap::Args;
 use indicatif::MultiProgress;
-use settings::{BuiltIn, Name, Settings};
+use settings::{BuiltIn, Settings};
 use std::path::{Path, PathBuf};
 
-pub(crate) const SETTINGS: &str = include_str!("../config/demo.toml");
-const WORLD: &str = include_str!("../config/worlds/hall.toml");
+/// Arguments of `stillmap demo`.
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    #[command(flatten)]
+    options: RunOptions,
+    /// Another world than the built-in hall
+    #[arg(long, value_name = "FILE")]
+    world: Option<PathBuf>,
+}
+
 /// Fast enough not to bore, slow enough to look at.
 const SPEED: f64 = 5.0;
 /// The same for somebody who watches the live page.
 const WATCHED_SPEED: f64 = 3.0;
 
 /// Drives the simulated robot through the built-in world or another; the exit code.
-pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgress) -> anyhow::Result<u8> {
-    let mut settings = Settings::parse("demo.toml", SETTINGS)?;
+pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let DemoArgs { options, world } = args;
+    let mut settings = Settings::parse("demo.toml", built_in::DEMO)?;
     settings.name = unique_name("demo")?;
     settings.out = PathBuf::from("demo-out");
     place_output(&mut settings, options)?;
@@ -44,25 +54,8 @@ pub(crate) fn demo(options: &RunOptions, world: Option<&Path>, bars: &MultiProgr
     Ok(code)
 }
 
-/// A name that no other run on this machine has: runs side by side never meet.
-pub(crate) fn unique_name(what: &str) -> anyhow::Result<Name> {
-    Ok(Name::try_from(format!("{what}-{}", std::process::id()))?)
-}
-
 fn unpack_world(folder: &Path) -> anyhow::Result<PathBuf> {
     let path = folder.join("world.toml");
-    std::fs::write(&path, WORLD).map_err(|error| BadInput(format!("{}: cannot be written: {error}", path.display())))?;
+    std::fs::write(&path, built_in::HALL).map_err(|error| BadInput(format!("{}: cannot be written: {error}", path.display())))?;
     Ok(path)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_built_in_can_be_used() {
-        Settings::parse("demo.toml", SETTINGS).unwrap();
-        simulator::World::parse("hall.toml", WORLD).unwrap();
-        assert_eq!(unique_name("demo").unwrap().as_str(), format!("demo-{}", std::process::id()));
-    }
 }

@@ -1,13 +1,13 @@
 //! A run from its start to what is said at its end.
 
-use crate::cli::RunOptions;
+use crate::args::RunOptions;
 use crate::exit::BadInput;
 use crate::output;
 use crate::page::Page;
 use crate::progress::Progress;
 use indicatif::MultiProgress;
 use messages::MapSummary;
-use settings::{BuiltIn, Settings};
+use settings::{BuiltIn, Name, Settings};
 use std::path::Path;
 use std::time::Instant;
 use supervisor::{Options, Outcome, Report};
@@ -33,6 +33,11 @@ fn check_writable(folder: &Path) -> anyhow::Result<()> {
         }
         Ok(_) | Err(_) => Ok(()),
     }
+}
+
+/// A name that no other run on this machine has: runs side by side never meet.
+pub(crate) fn unique_name(what: &str) -> anyhow::Result<Name> {
+    Ok(Name::try_from(format!("{what}-{}", std::process::id()))?)
 }
 
 /// Makes a folder for outputs.

@@ -3,10 +3,20 @@
 use crate::drive::make_folder;
 use crate::exit::BadInput;
 use crate::output;
-use std::path::Path;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `stillmap figures`.
+#[derive(Debug, Args)]
+pub(crate) struct FiguresArgs {
+    /// Folder for the figures; made when it is not there
+    #[arg(long, value_name = "DIR", default_value = "figures-out")]
+    out: PathBuf,
+}
 
 /// Makes every figure and writes it; the exit code.
-pub(crate) fn figures(out: &Path) -> anyhow::Result<u8> {
+pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<u8> {
+    let FiguresArgs { out } = args;
     make_folder(out)?;
     for figure in ::figures::all() {
         let figure = figure?;

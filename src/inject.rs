@@ -1,20 +1,51 @@
 //! `stillmap inject`: a fault on purpose in a running deployment.
 
-use crate::cli::InjectOptions;
+use crate::args::Which;
 use crate::exit::BadInput;
 use crate::output;
-use crate::status::choose;
+use crate::running::choose;
 use bus::{Reader, Received, RunningDomain, Tool};
+use clap::Args;
 use injector::{Ballast, Deed, Harm, News, Timetable, Victim, Wish};
 use messages::DeploymentStatus;
-use settings::{Disturbance, FaultStart, Name, PlannedFault, Settings};
+use settings::{
+    Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultStart, Name, OutOfRange, PlannedFault, RoutedService, Settings,
+};
 use std::time::{Duration, Instant};
+
+#[derive(Debug, Clone, Args)]
+#[command(group = clap::ArgGroup::new("whom"))]
+pub(crate) struct InjectArgs {
+    /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory
+    #[arg(value_name = "KIND", value_parser = kind)]
+    pub(crate) kind: FaultKind,
+    /// The service, for example robot/scan; it has to go through an injector
+    #[arg(long, value_name = "NAME", group = "whom", value_parser = service)]
+    pub(crate) service: Option<RoutedService>,
+    /// The process
+    #[arg(long, value_name = "NAME", group = "whom", value_parser = process_name)]
+    pub(crate) process: Option<Name>,
+    /// Share of messages that are hit, or of time that a slowed process stands
+    #[arg(long, value_name = "SHARE", default_value = "1", value_parser = within::<FaultRate>, allow_negative_numbers = true)]
+    pub(crate) rate: FaultRate,
+    /// How long, s
+    #[arg(long = "for", value_name = "S", default_value = "10", value_parser = within::<FaultLength>, allow_negative_numbers = true)]
+    pub(crate) for_s: FaultLength,
+    /// By how much it delays or a clock is set, how often a burst comes or a kill, s
+    #[arg(long = "by", value_name = "S", value_parser = within::<FaultPeriod>, allow_negative_numbers = true)]
+    pub(crate) by_s: Option<FaultPeriod>,
+    /// Another seed hits other messages
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
+    pub(crate) seed: u32,
+    #[command(flatten)]
+    pub(crate) which: Which,
+}
 
 /// How long a supervisor may take to tell which processes there are; it does so once a second.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Makes the fault: one of a service is the injector's to make, one of a process or of memory is made here until it is over.
-pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
+pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<u8> {
     let fault = planned(options)?;
     let domain = choose(&options.which)?;
     let settings = Settings::read(&domain.directory().join("settings.toml"))?;
@@ -42,8 +73,8 @@ pub(crate) fn inject(options: &InjectOptions) -> anyhow::Result<u8> {
 }
 
 /// The fault of the options; it begins at once.
-fn planned(options: &InjectOptions) -> Result<PlannedFault, BadInput> {
-    let InjectOptions { kind, service, process, rate, for_s, by_s, seed, which: _ } = options.clone();
+fn planned(options: &InjectArgs) -> Result<PlannedFault, BadInput> {
+    let InjectArgs { kind, service, process, rate, for_s, by_s, seed, which: _ } = options.clone();
     let whom = match (&service, &process) {
         (Some(service), _) => format!(" --service {}", service.name()),
         (None, Some(process)) => format!(" --process {}", process.as_str()),
@@ -137,4 +168,48 @@ fn hear(statuses: &mut Reader<DeploymentStatus>, process: &Name, pid: &mut Optio
         }
     }
     Ok(())
+}
+
+fn kind(text: &str) -> Result<FaultKind, String> {
+    FaultKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == text)
+        .ok_or_else(|| format!("expected {}", one_of(FaultKind::ALL.map(FaultKind::name))))
+}
+
+fn service(text: &str) -> Result<RoutedService, String> {
+    let all = RoutedService::ALL;
+    all.into_iter().find(|service| service.name() == text).ok_or_else(|| format!("expected {}", one_of(all.map(RoutedService::name))))
+}
+
+fn one_of<const N: usize>(words: [&str; N]) -> String {
+    words.split_last().map_or_else(String::new, |(last, others)| format!("{} or {last}", others.join(", ")))
+}
+
+fn process_name(text: &str) -> Result<Name, String> {
+    Name::try_from(text.to_owned()).map_err(|error| error.to_string())
+}
+
+/// A number within the limits of its setting.
+fn within<T: TryFrom<f64, Error = OutOfRange>>(text: &str) -> Result<T, String> {
+    // What is no number is within no limits.
+    let number = text.parse().unwrap_or(f64::NAN);
+    T::try_from(number).map_err(|refused| format!("expected {}", refused.expected))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_names_what_there_is_and_numbers_that_can_be_meant() {
+        assert_eq!((kind("drop"), service("map/verdict")), (Ok(FaultKind::Drop), Ok(RoutedService::Verdict)));
+        assert!(kind("Drop").unwrap_err().ends_with("slow, disk or memory"));
+        assert_eq!(service("map/tile"), Err("expected robot/scan, motion/sonar, motion/camera or map/verdict".to_owned()));
+        assert!(process_name("std").is_ok() && process_name("../std").is_err());
+        assert_eq!(within::<FaultRate>("0.5").map(FaultRate::get), Ok(0.5));
+        for wrong in ["", "-0.1", "1.1", "nan", "inf", "half"] {
+            assert_eq!(within::<FaultRate>(wrong), Err("expected 0 to 1".to_owned()), "{wrong}");
+        }
+    }
 }

@@ -1,8 +1,45 @@
 //! `stillmap log`: logs at a glance, repaired, imported.
 
-use crate::cli::{ImportFormat, LogCommand};
 use crate::output;
+use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum LogCommand {
+    /// Tells what a log holds
+    Info {
+        /// The log
+        #[arg(value_name = "FILE")]
+        log: PathBuf,
+    },
+    /// Writes what can be read of a damaged log into a new one
+    Recover {
+        /// The damaged log
+        #[arg(value_name = "FILE")]
+        log: PathBuf,
+        /// The new log; FILE with `-recovered` before its extension when not given
+        #[arg(long, value_name = "LOG")]
+        out: Option<PathBuf>,
+    },
+    /// Makes a log from recordings of other software
+    Import {
+        /// What DIR holds
+        #[arg(long, value_enum)]
+        format: ImportFormat,
+        /// Folder of the recording
+        #[arg(value_name = "DIR")]
+        from: PathBuf,
+        /// The log to write
+        #[arg(long, value_name = "LOG")]
+        out: PathBuf,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImportFormat {
+    /// The occupancy grid exercise of RoboND: measurement.txt and poses.txt
+    Robond,
+}
 
 /// Carries out a `log` command; the exit code.
 pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {

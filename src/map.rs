@@ -1,22 +1,33 @@
 //! `stillmap map`: the map of a running deployment as it is now.
 
-use crate::cli::Which;
+use crate::args::Which;
 use crate::output;
-use crate::status::choose;
+use crate::running::choose;
 use bus::{Reader, Received, RunningDomain, Tool};
+use clap::Args;
 use mapping::export::MapCopy;
 use messages::{MapTile, Payload, WayChunk};
-use std::path::Path;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
+
+/// Arguments of `stillmap map`.
+#[derive(Debug, Args)]
+pub(crate) struct MapArgs {
+    /// Folder for the map; made when it is not there
+    #[arg(long, value_name = "DIR", default_value = "map-out")]
+    out: PathBuf,
+    #[command(flatten)]
+    which: Which,
+}
 
 /// How long mapping may take to send the next piece.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Joins the deployment, takes the whole map that its owner sends to whoever joins, and writes it.
-pub(crate) fn map(out: &Path, which: &Which) -> anyhow::Result<u8> {
-    let domain = choose(which)?;
+pub(crate) fn map(args: &MapArgs) -> anyhow::Result<u8> {
+    let domain = choose(&args.which)?;
     let copy = collect(&domain)?;
-    for path in mapping::write_files(out, &copy.files()?)? {
+    for path in mapping::write_files(&args.out, &copy.files()?)? {
         output::line(&path.display().to_string())?;
     }
     Ok(0)

@@ -1,11 +1,21 @@
 //! `stillmap pioneer probe`: who answers on a serial port.
 
-use crate::cli::PioneerCommand;
 use crate::exit::BadInput;
 use crate::output;
+use clap::Subcommand;
 use pioneer::{Answer, Parameters};
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum PioneerCommand {
+    /// Tells what answers on a port: who, at which speed, which sonars fire. Nothing moves
+    Probe {
+        /// The port, such as /dev/ttyUSB0
+        #[arg(value_name = "PORT")]
+        port: PathBuf,
+    },
+}
 
 /// Carries out the command.
 pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<u8> {

@@ -1,20 +1,42 @@
 //! `stillmap replay`: a log in place of the robot.
 
-use crate::cli::{Pace, RunOptions};
-use crate::demo::unique_name;
-use crate::drive::{drive, once, place_output};
+use crate::args::RunOptions;
+use crate::drive::{drive, once, place_output, unique_name};
 use crate::exit::BadInput;
+use clap::{Args, ValueEnum};
 use drivelog::{Entry, Log};
 use indicatif::MultiProgress;
 use messages::SonarScan;
 use settings::{BuiltIn, Injector, Process, Program, Settings, Viewer};
 use std::path::{Path, PathBuf};
 
+/// Arguments of `stillmap replay`.
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// The log
+    #[arg(value_name = "LOG")]
+    log: PathBuf,
+    /// As fast as the machine goes and the same every time, or at the pace of the drive
+    #[arg(long, value_enum, default_value_t = Pace::Lockstep)]
+    pace: Pace,
+    #[command(flatten)]
+    options: RunOptions,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Pace {
+    /// As fast as every process can follow; nothing is dropped
+    Lockstep,
+    /// At the pace of the drive, times `--speed`
+    Live,
+}
+
 /// Makes the map again from a log; the exit code.
-pub(crate) fn replay(log: &Path, pace: Pace, options: &RunOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let ReplayArgs { log, pace, options } = args;
     let recorded = read_settings(log)?;
     let recorded = Settings::parse(&format!("{}: its settings", log.display()), &recorded)?;
-    let mut settings = deployment(recorded, std::path::absolute(log)?, pace)?;
+    let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {
         Pace::Lockstep => "in lockstep, as fast as the processes can follow",

@@ -1,24 +1,36 @@
 //! `stillmap status`: what the supervisor knows of its processes.
 
-use crate::cli::Which;
-use crate::exit::BadInput;
+use crate::args::Which;
 use crate::output;
+use crate::running::choose;
 use bus::{Received, RunningDomain, Tool};
+use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
+
+/// Arguments of `stillmap status`.
+#[derive(Debug, Args)]
+pub(crate) struct StatusArgs {
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    which: Which,
+}
 
 /// How long a supervisor may take to tell; it does so once a second.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Prints the status of one deployment, or of all that run.
-pub(crate) fn status(json: bool, which: &Which) -> anyhow::Result<u8> {
+pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
+    let StatusArgs { json, which } = args;
     let domains = match &which.deployment {
         Some(_) => vec![choose(which)?],
         None => RunningDomain::all()?,
     };
     let statuses = ask(&domains)?;
-    if json {
+    if *json {
         let all: Vec<Value> = statuses.iter().map(|(domain, status)| as_json(domain, status.as_ref())).collect();
         output::line(&format!("{:#}", Value::Array(all)))?;
     } else if statuses.is_empty() {
@@ -31,22 +43,6 @@ pub(crate) fn status(json: bool, which: &Which) -> anyhow::Result<u8> {
     }
     // Somebody who asks for one deployment has to know when it does not answer.
     Ok(u8::from(statuses.iter().any(|(_, status)| status.is_none())))
-}
-
-/// The one deployment that is meant.
-pub(crate) fn choose(which: &Which) -> anyhow::Result<RunningDomain> {
-    let mut running = RunningDomain::all()?;
-    let names = running.iter().map(RunningDomain::name).collect::<Vec<_>>().join(", ");
-    if let Some(wanted) = &which.deployment {
-        let found = running.into_iter().find(|domain| domain.name() == wanted);
-        let running = if names.is_empty() { "none is".to_owned() } else { format!("{names}: these are") };
-        return found.ok_or_else(|| BadInput(format!("deployment {wanted} is not running ({running})")).into());
-    }
-    match running.len() {
-        0 => Err(BadInput("no deployment is running".to_owned()).into()),
-        1 => Ok(running.swap_remove(0)),
-        _ => Err(BadInput(format!("several deployments are running: --deployment {}", names.replace(", ", " or "))).into()),
-    }
 }
 
 /// What the supervisors say; `None` for one that is stopped or hangs.

@@ -1,7 +1,8 @@
 //! `stillmap top`: the processes of a running deployment, as they are from second to second.
 
-use crate::cli::Which;
-use crate::status::{COLUMNS, HEAD, cells, choose, has_words, processes, widths};
+use crate::args::Which;
+use crate::running::choose;
+use crate::status::{COLUMNS, HEAD, cells, has_words, processes, widths};
 use bus::{Received, Tool};
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};

@@ -3,18 +3,62 @@
 mod album;
 mod sequence;
 
-use crate::cli::CameraOptions;
+use crate::args::NumberRange;
 use crate::exit::BadInput;
 use crate::{output, progress};
 use album::Album;
 use anyhow::Result;
+use clap::{Args, ValueEnum};
 use indicatif::MultiProgress;
 use messages::{CameraStatus, FrameLayout, PixelFormat};
 use sbs::plane::Plane;
 use sbs::score::Score;
 use sbs::{Answer, Frame, Refusal, Remark, Settings, State};
 use sequence::Sequence;
+use std::path::PathBuf;
 use std::time::Instant;
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct CameraArgs {
+    /// The pictures: YUV4MPEG2, 8 bits, 80 × 60 to 640 × 480
+    #[arg(value_name = "FRAMES.y4m")]
+    pub(crate) frames_file: PathBuf,
+    /// The truth: 0 still, 50 shadow, 85 and 170 not scored, 255 moving
+    #[arg(value_name = "LABELS.y4m")]
+    pub(crate) labels_file: PathBuf,
+    /// As JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Folder for pictures and a log of frame, mask and truth of each scored frame; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Frames that are scored, counted from 0
+    #[arg(long, value_name = "FIRST..LAST", default_value = "30..119")]
+    pub(crate) frames: NumberRange,
+    /// Row of the horizon as a share of the height: shadow is looked for below it; 0 for a camera that looks down, 1 for no shadow
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = share)]
+    pub(crate) horizon: f32,
+    /// How the camera's own motion is found
+    #[arg(long, value_enum, default_value_t = Compensation::Direct)]
+    pub(crate) compensation: Compensation,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Compensation {
+    /// From all pixels at once, by robust Gauss–Newton
+    Direct,
+    /// From landmarks, by iterative closest point
+    Icp,
+}
+
+impl From<Compensation> for sbs::Method {
+    fn from(compensation: Compensation) -> Self {
+        match compensation {
+            Compensation::Direct => Self::Direct,
+            Compensation::Icp => Self::Icp,
+        }
+    }
+}
 
 /// What came of a sequence.
 #[derive(Debug, Default)]
@@ -30,7 +74,7 @@ struct Outcome {
 }
 
 /// Scores a sequence and says what came of it; the exit code.
-pub(crate) fn camera(options: &CameraOptions, bars: &MultiProgress) -> Result<u8> {
+pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<u8> {
     let mut sequence = Sequence::open(&options.frames_file, &options.labels_file)?;
     let mut album = options.out.as_deref().map(Album::new).transpose()?;
     let settings = Settings { horizon: options.horizon, method: options.compensation.into(), ..Settings::default() };
@@ -58,7 +102,7 @@ fn run(
     sequence: &mut Sequence,
     mut album: Option<&mut Album>,
     settings: Settings,
-    options: &CameraOptions,
+    options: &CameraArgs,
     progress: impl Fn(u64),
 ) -> Result<Outcome> {
     let (mut state, mut outcome) = (State::new(settings), Outcome::default());
@@ -121,7 +165,7 @@ fn json(outcome: &Outcome) -> serde_json::Value {
     })
 }
 
-fn text(outcome: &Outcome, options: &CameraOptions) -> String {
+fn text(outcome: &Outcome, options: &CameraArgs) -> String {
     let score = &outcome.score;
     let mut lines = vec![
         format!("frames       {} of {}, {} scored", options.frames, outcome.frames, score.frames),
@@ -141,4 +185,24 @@ fn text(outcome: &Outcome, options: &CameraOptions) -> String {
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("expected a number from 0 to 1".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_lies_within_0_and_1() {
+        assert_eq!(share("0.5"), Ok(0.5));
+        for wrong in ["", "-0.1", "1.1", "nan", "half"] {
+            assert!(share(wrong).is_err(), "{wrong}");
+        }
+    }
 }

@@ -1,19 +1,37 @@
 //! `stillmap evaluate`: how good results are, against the truth.
 
 mod camera;
+mod comparison;
 mod recording;
 mod report;
 mod sweep;
 
-use crate::cli::{EvaluateCommand, EvaluateOptions};
 use crate::output;
-use ::evaluate::Trial;
+use camera::CameraArgs;
+use clap::{Args, Subcommand};
+use comparison::write_comparison;
 use indicatif::MultiProgress;
 use report::{Report, Row};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use sweep::DriveArgs;
+
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct EvaluateArgs {
+    #[command(subcommand)]
+    pub(crate) command: Option<EvaluateCommand>,
+    #[command(flatten)]
+    pub(crate) drives: DriveArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum EvaluateCommand {
+    /// Scores what moves in a camera's pictures: finds it and compares it with the truth, pixel by pixel
+    Camera(CameraArgs),
+}
 
 /// Carries out an `evaluate` command; the exit code.
-pub(crate) fn evaluate(options: &EvaluateOptions, bars: &MultiProgress) -> anyhow::Result<u8> {
+pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let drives = &options.drives;
     let report = match (&options.command, &drives.run) {
         (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
@@ -43,10 +61,4 @@ pub(crate) fn conclude(folder: &Path, log: &Path) -> anyhow::Result<String> {
     let judged = recording::judge(log)?;
     write_comparison(folder, &judged.trial)?;
     Ok(report::sentence(&judged.trial))
-}
-
-/// Writes `comparison.png`; its path.
-fn write_comparison(folder: &Path, trial: &Trial) -> anyhow::Result<PathBuf> {
-    let mut paths = mapping::write_files(folder, &[trial.map.comparison()?])?;
-    Ok(paths.pop().unwrap_or_else(|| folder.to_owned()))
 }

@@ -1,17 +1,65 @@
 //! Worlds, seeds and numbers of walkers, driven through and judged side by side.
 
+use super::comparison::write_comparison;
 use super::report::{Report, Row};
-use super::write_comparison;
-use crate::cli::{DriveOptions, Rule};
+use crate::args::NumberRange;
+use crate::built_in;
 use crate::exit::BadInput;
+use clap::{Args, ValueEnum};
 use evaluate::{Drive, Eyes, Filter, Trial, Variation, filter, read_world, reference};
 use indicatif::{MultiProgress, ProgressBar};
 use settings::{Action, Cue, MovingCell, Settings, VerdictRule};
 use simulator::blobs::Failings;
 use simulator::{Body, Optics};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
+
+#[derive(Debug, Clone, Args)]
+#[command(group = clap::ArgGroup::new("drives").required(true))]
+pub(crate) struct DriveArgs {
+    /// A simulated drive: its log, or the folder that holds it
+    #[arg(value_name = "RUN", group = "drives")]
+    pub(crate) run: Option<PathBuf>,
+    /// Worlds to drive through in this process, without a bus: every seed with every number of walkers
+    #[arg(long, value_name = "FILE", group = "drives", num_args = 1..)]
+    pub(crate) world: Vec<PathBuf>,
+    /// Seeds of noise and of when and where the walkers walk
+    #[arg(long, value_name = "FIRST..LAST", default_value = "1..2", requires = "world")]
+    pub(crate) seeds: NumberRange,
+    /// Numbers of walkers; those of the file when not given
+    #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "world")]
+    pub(crate) walkers: Vec<u32>,
+    /// Everyone stands for so long on his way, at each of its places but the last; as the file says when not given
+    #[arg(long, value_name = "SECONDS", value_parser = standing, requires = "world")]
+    pub(crate) stand: Option<f64>,
+    /// What decides about readings
+    #[arg(long, value_enum, default_value_t = Rule::Full, requires = "world")]
+    pub(crate) rule: Rule,
+    /// So many times the usual errors of the camera's calibration
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor, requires = "world")]
+    pub(crate) errors: f64,
+    /// A settings file whose sections to go by in the worlds; those of the demo when not given
+    #[arg(long, value_name = "FILE", requires = "world")]
+    pub(crate) settings: Option<PathBuf>,
+    /// Folder for a picture of each drive: every reading beside what is left; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What decides about readings in a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Rule {
+    /// As the settings say, by sonars and camera
+    Full,
+    /// The same without a camera
+    Sonar,
+    /// The paper as printed, with a camera that makes no mistakes
+    Paper,
+}
 
 /// A world as its file has it.
 struct World {
@@ -31,7 +79,7 @@ struct Task<'a> {
 }
 
 /// Makes every drive and says what came of each, in the order of worlds, numbers of walkers and seeds.
-pub(super) fn sweep(options: &DriveOptions, bars: &MultiProgress) -> anyhow::Result<Report> {
+pub(super) fn sweep(options: &DriveArgs, bars: &MultiProgress) -> anyhow::Result<Report> {
     let settings = sections(options)?;
     let worlds = options.world.iter().map(|path| read(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let walkers: Vec<Option<u32>> =
@@ -55,10 +103,10 @@ pub(super) fn sweep(options: &DriveOptions, bars: &MultiProgress) -> anyhow::Res
 }
 
 /// The sections that the drives go by.
-fn sections(options: &DriveOptions) -> anyhow::Result<Settings> {
+fn sections(options: &DriveArgs) -> anyhow::Result<Settings> {
     let mut settings = match &options.settings {
         Some(path) => Settings::read(path)?,
-        None => Settings::parse("demo.toml", crate::demo::SETTINGS)?,
+        None => Settings::parse("demo.toml", built_in::DEMO)?,
     };
     settings.pace = settings::Pace::Lockstep;
     settings.fti.expect_camera = true;
@@ -80,7 +128,7 @@ fn read(path: &Path) -> anyhow::Result<World> {
     Ok(World { name, text, empty })
 }
 
-fn drive(task: &Task<'_>, settings: &Settings, options: &DriveOptions) -> anyhow::Result<Row> {
+fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::Result<Row> {
     let world = |walkers: Option<usize>| {
         read_world(task.text, Variation { walkers, seed: task.seed, stand_s: options.stand })
             .map_err(|error| BadInput(format!("{}: {error}", task.name)))
@@ -102,7 +150,7 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveOptions) -> anyhow
 }
 
 /// How the pretended background subtraction fails.
-fn failings(settings: &Settings, options: &DriveOptions) -> Failings {
+fn failings(settings: &Settings, options: &DriveArgs) -> Failings {
     let usual = Failings::of_settings(&settings.simulator.camera);
     if options.rule == Rule::Paper {
         return Failings::NONE;
@@ -133,6 +181,20 @@ fn side_by_side<T: Sync, R: Send>(tasks: &[T], work: impl Fn(&T) -> anyhow::Resu
     let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     done.sort_by_key(|(at, _)| *at);
     done.into_iter().map(|(_, result)| result).collect()
+}
+
+fn factor(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if (0.0..=10.0).contains(&factor) => Ok(factor),
+        _ => Err("expected a number from 0 to 10".to_owned()),
+    }
+}
+
+fn standing(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=3600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("expected 0 to 3600 s".to_owned()),
+    }
 }
 
 #[cfg(test)]

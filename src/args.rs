@@ -1,0 +1,79 @@
+//! Arguments that several subcommands have.
+
+use clap::Args;
+use std::fmt::{Display, Formatter};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct RunOptions {
+    /// Folder for map and log; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Times faster than real time, 0.01 to 100; 1 unless it is given, for the demo 5, or 3 with `--open`
+    #[arg(long, value_name = "N", value_parser = speed)]
+    pub(crate) speed: Option<f64>,
+    /// Opens the live page in a browser
+    #[arg(long)]
+    pub(crate) open: bool,
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Which {
+    /// Name of the deployment; needed when several are running
+    #[arg(long, value_name = "NAME")]
+    pub(crate) deployment: Option<String>,
+}
+
+/// Whole numbers from one to another, both included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NumberRange {
+    pub(crate) first: u64,
+    pub(crate) last: u64,
+}
+
+impl FromStr for NumberRange {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parsed = || {
+            let (first, last) = text.split_once("..")?;
+            Some(Self { first: first.parse().ok()?, last: last.parse().ok()? })
+        };
+        parsed().filter(|range| range.first <= range.last).ok_or("expected two whole numbers as in 30..119, the smaller one first")
+    }
+}
+
+impl Display for NumberRange {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} to {}", self.first, self.last)
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(speed) if (0.01..=100.0).contains(&speed) => Ok(speed),
+        _ => Err("expected a number from 0.01 to 100".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_speed_is_a_number_that_can_be_meant() {
+        assert_eq!(speed("2.5"), Ok(2.5));
+        for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
+            assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_range_of_frames_runs_forwards() {
+        assert_eq!("30..119".parse(), Ok(NumberRange { first: 30, last: 119 }));
+        for wrong in ["", "30", "..", "30..", "..119", "119..30", "-1..4", "a..b", "1..2..3"] {
+            assert!(wrong.parse::<NumberRange>().is_err(), "{wrong}");
+        }
+    }
+}

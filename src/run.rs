@@ -1,0 +1,35 @@
+//! `stillmap run`: the deployment that a settings file describes.
+
+use crate::args::RunOptions;
+use crate::{check, drive};
+use clap::Args;
+use indicatif::MultiProgress;
+use settings::BuiltIn;
+use std::path::PathBuf;
+use supervisor::Options;
+
+/// Arguments of `stillmap run`.
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// The settings file
+    #[arg(value_name = "FILE")]
+    settings: PathBuf,
+    /// Begins a new map; without it a robot's last run goes on. What there was is kept beside `state` in the folder of outputs
+    #[arg(long)]
+    fresh: bool,
+    #[command(flatten)]
+    options: RunOptions,
+}
+
+/// Runs a deployment to its end; the exit code.
+pub(crate) fn run(args: &RunArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
+    let RunArgs { settings: path, fresh, options } = args;
+    let mut settings = check::read(path)?;
+    drive::place_output(&mut settings, options)?;
+    tracing::info!("deployment {}: Ctrl-C ends it, and the map is written", settings.name);
+    // A simulated robot and a log begin at their beginning each time; a real robot is where it was.
+    let begins_anew = settings.runs(BuiltIn::Simulator) || settings.runs(BuiltIn::Playback);
+    let state = (!begins_anew).then(|| settings.out.join("state"));
+    let run = Options { state, fresh: *fresh, ..drive::once(options.speed.unwrap_or(1.0))? };
+    drive::drive(&settings, &run, options.open, bars)
+}
