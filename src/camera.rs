@@ -43,7 +43,7 @@ const RATE_HZ: f64 = 15.0;
 const MOST_SIZES: usize = 12;
 
 /// Carries out one of the commands.
-pub(crate) fn camera(command: &CameraCommand) -> anyhow::Result<u8> {
+pub(crate) fn camera(command: &CameraCommand) -> anyhow::Result<()> {
     match command {
         CameraCommand::List { device: Some(device), input } => {
             output::write(&told(device, &camera::offer(device, *input).map_err(|trouble| blamed(device, &trouble))?))?;
@@ -51,7 +51,7 @@ pub(crate) fn camera(command: &CameraCommand) -> anyhow::Result<u8> {
         CameraCommand::List { device: None, .. } => list()?,
         CameraCommand::Snapshot { device, out, size, input } => snapshot(device, out, *size, *input)?,
     }
-    Ok(0)
+    Ok(())
 }
 
 /// Tells of every camera; what stands in the way of one does not hide the others.

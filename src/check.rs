@@ -20,14 +20,14 @@ pub(crate) struct CheckArgs {
     reference: bool,
 }
 
-/// Checks a settings file, or prints what settings there are; the exit code.
-pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<u8> {
+/// Checks a settings file, or prints what settings there are.
+pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     match args {
         CheckArgs { settings: Some(settings), .. } => check_file(settings)?,
         CheckArgs { schema: true, .. } => output::write(&settings::schema())?,
         CheckArgs { .. } => output::write(&settings::reference())?,
     }
-    Ok(0)
+    Ok(())
 }
 
 /// Reads a settings file and whatever it names, and says what it describes.

@@ -13,23 +13,23 @@ use crate::pioneer::{self, PioneerCommand};
 use crate::replay::{self, ReplayArgs};
 use crate::run::{self, RunArgs};
 use crate::status::{self, StatusArgs};
-use crate::{process, top};
+use crate::{exit, process, top};
 use clap::{Parser, Subcommand};
 use indicatif::MultiProgress;
 use std::path::PathBuf;
 
 /// Maps what stands still, from a robot that drives among people.
 #[derive(Debug, Parser)]
-#[command(name = "stillmap", version, arg_required_else_help = true, after_help = AFTER_HELP)]
+#[command(name = "stillmap", version, arg_required_else_help = true, after_help = format!("{}\n\n{ENVIRONMENT}", exit::HELP))]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
 }
 
-const AFTER_HELP: &str = "\
-Exit codes: 0 all went well; 1 stillmap itself could not go on; 2 a file or an argument cannot be used; \
-3 the run ended, but a process had failed for good; 130 everything was killed on request.
-Environment: STILLMAP_LOG=debug (or mapping=debug,…) tells more; STILLMAP_RUNTIME_DIR holds running deployments.";
+const ENVIRONMENT: &str = "\
+Environment:
+  STILLMAP_LOG          Level of log lines: error, warn, info, debug or trace, or one for each module, as in info,mapping=debug.
+  STILLMAP_RUNTIME_DIR  Folder of the running deployments.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -85,25 +85,23 @@ impl Command {
     /// Carries it out; the exit code.
     pub(crate) fn carry_out(&self, bars: &MultiProgress) -> anyhow::Result<u8> {
         match self {
-            Self::Run(args) => run::run(args, bars),
-            Self::Demo(args) => demo::demo(args, bars),
-            Self::Replay(args) => replay::replay(args, bars),
-            Self::Status(args) => status::status(args),
-            Self::Top(which) => top::top(which),
-            Self::Figures(args) => figures::figures(args),
-            Self::Map(args) => map::map(args),
-            Self::Camera(command) => camera::camera(command),
-            Self::Pioneer(command) => pioneer::pioneer(command),
-            Self::Inject(args) => inject::inject(args),
-            Self::Evaluate(args) => evaluate::evaluate(args, bars),
-            Self::Log(command) => log::log(command),
-            Self::Check(args) => check::check(args),
-            Self::Process { kind } => process::process(kind),
-            Self::Guard { directory } => {
-                supervisor::guard(directory)?;
-                Ok(0)
-            }
+            Self::Run(args) => return run::run(args, bars),
+            Self::Demo(args) => return demo::demo(args, bars),
+            Self::Replay(args) => return replay::replay(args, bars),
+            Self::Status(args) => return status::status(args),
+            Self::Top(which) => top::top(which)?,
+            Self::Figures(args) => figures::figures(args)?,
+            Self::Map(args) => map::map(args)?,
+            Self::Camera(command) => camera::camera(command)?,
+            Self::Pioneer(command) => pioneer::pioneer(command)?,
+            Self::Inject(args) => inject::inject(args)?,
+            Self::Evaluate(args) => evaluate::evaluate(args, bars)?,
+            Self::Log(command) => log::log(command)?,
+            Self::Check(args) => check::check(args)?,
+            Self::Process { kind } => process::process(kind)?,
+            Self::Guard { directory } => supervisor::guard(directory)?,
         }
+        Ok(exit::SUCCESS)
     }
 }
 

@@ -4,7 +4,7 @@ use crate::args::RunOptions;
 use crate::drive::{drive, once, place_output, unique_name};
 use crate::evaluate::conclude;
 use crate::exit::BadInput;
-use crate::{built_in, output};
+use crate::{built_in, exit, output};
 use clap::Args;
 use indicatif::MultiProgress;
 use settings::{BuiltIn, Settings};
@@ -41,7 +41,7 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
     tracing::info!("a simulated Pioneer 1 drives through a hall with people in it, {speed} times faster than a real one");
     tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
     let code = drive(&settings, &once(speed)?, options.open, bars)?;
-    if code == 0 && settings.runs(BuiltIn::Recorder) {
+    if code == exit::SUCCESS && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
         match conclude(&settings.out, &log) {
             Ok(figures) => {

@@ -2,9 +2,9 @@
 
 use crate::args::RunOptions;
 use crate::exit::BadInput;
-use crate::output;
 use crate::page::Page;
 use crate::progress::Progress;
+use crate::{exit, output};
 use indicatif::MultiProgress;
 use messages::MapSummary;
 use settings::{BuiltIn, Name, Settings};
@@ -71,7 +71,7 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
     for (process, cause) in outcome.failures() {
         output::line(&format!("failed     {process}: {cause}"))?;
     }
-    if outcome.exit_code() == supervisor::EXIT_BAD_INPUT {
+    if outcome.exit_code() == exit::BAD_INPUT {
         return Ok(());
     }
     let restarted: Vec<String> = outcome

@@ -1,22 +1,51 @@
-//! What an exit code says, and which error gives which.
+//! The exit codes of the command. Every subcommand ends with one of these, and every error is turned into one here.
+//!
+//! | code | constant | meaning |
+//! | --- | --- | --- |
+//! | 0 | [`SUCCESS`] | Everything that was asked for is done. A run ended by itself, or stopped in order when it was asked to. |
+//! | 1 | [`FAILURE`] | stillmap itself failed, or a deployment did not answer. |
+//! | 2 | [`BAD_INPUT`] | An argument, or a file that it names, is invalid. |
+//! | 3 | | The run ended, but a process had failed for good or had to be killed. |
+//! | 70 | [`BROKEN_DOMAIN`] | The shared memory of the deployment is damaged. The supervisor creates it anew on this code. |
+//! | 130 | | The second request to stop killed every process. |
+//!
+//! The codes of a run, 0 to 3 and 130, are those of [`supervisor::Outcome::exit_code`].
 
-use bus::{BusError, EXIT_BROKEN_DOMAIN};
-use supervisor::EXIT_BAD_INPUT;
+use bus::BusError;
+
+/// Everything that was asked for is done.
+pub(crate) const SUCCESS: u8 = 0;
+/// stillmap itself failed.
+pub(crate) const FAILURE: u8 = 1;
+/// An argument, or a file that it names, is invalid.
+pub(crate) const BAD_INPUT: u8 = supervisor::EXIT_BAD_INPUT;
+/// The shared memory of the deployment is damaged.
+pub(crate) const BROKEN_DOMAIN: u8 = bus::EXIT_BROKEN_DOMAIN;
+
+/// The codes as `stillmap --help` lists them.
+pub(crate) const HELP: &str = "\
+Exit codes:
+    0  Everything that was asked for is done.
+    1  stillmap itself failed, or a deployment did not answer.
+    2  An argument, or a file that it names, is invalid.
+    3  The run ended, but a process had failed for good or had to be killed.
+   70  The shared memory of the deployment is damaged.
+  130  A second request to stop killed every process.";
 
 /// A file or argument that cannot be used; one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct BadInput(pub(crate) String);
 
-/// The exit code for an error: 2 when the input is to blame, that of a broken domain, or else 1.
+/// The exit code for an error. An invalid input anywhere in its chain of causes decides before a broken domain does.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     let broken = |error: &(dyn std::error::Error + 'static)| error.downcast_ref::<BusError>().is_some_and(BusError::is_broken_domain);
     if error.chain().any(blames_input) {
-        EXIT_BAD_INPUT
+        BAD_INPUT
     } else if error.chain().any(broken) {
-        EXIT_BROKEN_DOMAIN
+        BROKEN_DOMAIN
     } else {
-        1
+        FAILURE
     }
 }
 
@@ -32,13 +61,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_cause_decides_however_deep_it_lies() {
+    fn help_lists_every_code() {
+        for code in [SUCCESS, FAILURE, BAD_INPUT, 3, BROKEN_DOMAIN, 130] {
+            assert!(HELP.lines().any(|line| line.starts_with(&format!("{code:>5}  "))), "{code}");
+        }
+    }
+
+    #[test]
+    fn a_cause_decides_at_any_depth() {
         let refused = settings::Settings::parse("a.toml", "name = 1").unwrap_err();
         let step: bus::StepError = Box::new(refused);
         assert_eq!(code(&anyhow::Error::new(bus::RunError::Step(step))), 2);
         assert_eq!(code(&anyhow::Error::new(BadInput("no".to_owned()))), 2);
         let broken = BusError::BrokenDomain { service: "robot/scan", detail: String::new() };
-        assert_eq!(code(&anyhow::Error::new(bus::RunError::Bus(broken))), EXIT_BROKEN_DOMAIN);
+        assert_eq!(code(&anyhow::Error::new(bus::RunError::Bus(broken))), BROKEN_DOMAIN);
         assert_eq!(code(&anyhow::anyhow!("anything")), 1);
     }
 }

@@ -14,8 +14,8 @@ pub(crate) struct FiguresArgs {
     out: PathBuf,
 }
 
-/// Makes every figure and writes it; the exit code.
-pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<u8> {
+/// Makes every figure and writes it.
+pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
     let FiguresArgs { out } = args;
     make_folder(out)?;
     for figure in ::figures::all() {
@@ -24,5 +24,5 @@ pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<u8> {
         std::fs::write(&path, figure.svg).map_err(|error| BadInput(format!("{}: cannot be written: {error}", path.display())))?;
         output::line(&format!("{}  {}", path.display(), figure.title))?;
     }
-    Ok(0)
+    Ok(())
 }

@@ -45,7 +45,7 @@ pub(crate) struct InjectArgs {
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Makes the fault: one of a service is the injector's to make, one of a process or of memory is made here until it is over.
-pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<u8> {
+pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<()> {
     let fault = planned(options)?;
     let domain = choose(&options.which)?;
     let settings = Settings::read(&domain.directory().join("settings.toml"))?;
@@ -59,7 +59,7 @@ pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<u8> {
             }
             injector::give_order(domain.directory(), &fault)?;
             output::line(News::begins(&fault, Wish::Asked).text())?;
-            Ok(0)
+            Ok(())
         }
         Disturbance::Process { process, .. } => {
             if !settings.process.iter().any(|it| it.name == *process) {
@@ -87,7 +87,7 @@ fn planned(options: &InjectArgs) -> Result<PlannedFault, BadInput> {
 }
 
 /// Disturbs a process until the fault is over; seconds here are those of the wall clock.
-fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<u8> {
+fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<()> {
     let mut tool = Tool::join(domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut timetable = Timetable::default();
@@ -123,14 +123,14 @@ fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyh
             }
         }
         match timetable.next_s(now_s) {
-            None => return Ok(0),
+            None => return Ok(()),
             Some(next_s) => tool.wait(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0)))?,
         }
     }
 }
 
 /// Takes what is free of shared memory, again and again, until the fault is over.
-fn take_memory(fault: &PlannedFault) -> anyhow::Result<u8> {
+fn take_memory(fault: &PlannedFault) -> anyhow::Result<()> {
     let mut ballast = Ballast::default();
     let mut timetable = Timetable::default();
     timetable.plan(fault, Wish::Asked, 0.0, -1.0);
@@ -153,7 +153,7 @@ fn take_memory(fault: &PlannedFault) -> anyhow::Result<u8> {
             }
         }
         match timetable.next_s(now_s) {
-            None => return Ok(0),
+            None => return Ok(()),
             Some(next_s) => std::thread::sleep(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0))),
         }
     }

@@ -41,8 +41,8 @@ pub(crate) enum ImportFormat {
     Robond,
 }
 
-/// Carries out a `log` command; the exit code.
-pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
+/// Carries out a `log` command.
+pub(crate) fn log(command: &LogCommand) -> anyhow::Result<()> {
     match command {
         LogCommand::Info { log } => output::write(&drivelog::info(log)?.to_string())?,
         LogCommand::Recover { log, out } => recover(log, out.clone().unwrap_or_else(|| recovered_name(log)))?,
@@ -51,7 +51,7 @@ pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
             output::line(&format!("{}: {} scans", out.display(), imported.scans))?;
         }
     }
-    Ok(0)
+    Ok(())
 }
 
 fn recover(log: &Path, out: PathBuf) -> anyhow::Result<()> {

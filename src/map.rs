@@ -24,13 +24,13 @@ pub(crate) struct MapArgs {
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Joins the deployment, takes the whole map that its owner sends to whoever joins, and writes it.
-pub(crate) fn map(args: &MapArgs) -> anyhow::Result<u8> {
+pub(crate) fn map(args: &MapArgs) -> anyhow::Result<()> {
     let domain = choose(&args.which)?;
     let copy = collect(&domain)?;
     for path in mapping::write_files(&args.out, &copy.files()?)? {
         output::line(&path.display().to_string())?;
     }
-    Ok(0)
+    Ok(())
 }
 
 fn collect(domain: &RunningDomain) -> anyhow::Result<MapCopy> {

@@ -18,12 +18,12 @@ pub(crate) enum PioneerCommand {
 }
 
 /// Carries out the command.
-pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<u8> {
+pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<()> {
     let PioneerCommand::Probe { port } = command;
     let parameters = Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0);
     let answer = pioneer::probe(port, &parameters).map_err(|error| BadInput(error.to_string()))?;
     output::write(&told(port, &answer))?;
-    Ok(0)
+    Ok(())
 }
 
 /// What answered, in lines.

@@ -1,8 +1,8 @@
 //! `stillmap status`: what the supervisor knows of its processes.
 
 use crate::args::Which;
-use crate::output;
 use crate::running::choose;
+use crate::{exit, output};
 use bus::{Received, RunningDomain, Tool};
 use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
@@ -42,7 +42,7 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
         output::write(&tables.join("\n"))?;
     }
     // Somebody who asks for one deployment has to know when it does not answer.
-    Ok(u8::from(statuses.iter().any(|(_, status)| status.is_none())))
+    Ok(if statuses.iter().all(|(_, status)| status.is_some()) { exit::SUCCESS } else { exit::FAILURE })
 }
 
 /// What the supervisors say; `None` for one that is stopped or hangs.

@@ -31,8 +31,8 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Without a status for so long, the deployment has ended or hangs.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Shows the processes until somebody presses q, or the deployment ends; the exit code.
-pub(crate) fn top(which: &Which) -> anyhow::Result<u8> {
+/// Shows the processes until somebody presses q, or the deployment ends.
+pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
     let domain = choose(which)?;
     anyhow::ensure!(std::io::stdout().is_terminal(), "standard output is no terminal: `stillmap status` tells the same once");
     let mut tool = Tool::join(&domain)?;
@@ -51,7 +51,7 @@ pub(crate) fn top(which: &Which) -> anyhow::Result<u8> {
     result
 }
 
-fn watch(terminal: &mut DefaultTerminal, mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>) -> anyhow::Result<u8> {
+fn watch(terminal: &mut DefaultTerminal, mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>) -> anyhow::Result<()> {
     let mut heard = Instant::now();
     let mut shown: Option<DeploymentStatus> = None;
     loop {
@@ -60,14 +60,14 @@ fn watch(terminal: &mut DefaultTerminal, mut take: impl FnMut() -> anyhow::Resul
             heard = Instant::now();
         }
         if heard.elapsed() > PATIENCE {
-            return Ok(0);
+            return Ok(());
         }
         terminal.draw(|frame| draw(frame, shown.as_ref()))?;
         if event::poll(LOOK)?
             && let Event::Key(key) = event::read()?
             && is_quit(key.code, key.modifiers)
         {
-            return Ok(0);
+            return Ok(());
         }
     }
 }

@@ -73,8 +73,8 @@ struct Outcome {
     times_ms: Vec<f64>,
 }
 
-/// Scores a sequence and says what came of it; the exit code.
-pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<u8> {
+/// Scores a sequence and says what came of it.
+pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
     let mut sequence = Sequence::open(&options.frames_file, &options.labels_file)?;
     let mut album = options.out.as_deref().map(Album::new).transpose()?;
     let settings = Settings { horizon: options.horizon, method: options.compensation.into(), ..Settings::default() };
@@ -95,7 +95,7 @@ pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<u8> {
     } else {
         output::write(&text(&outcome, options))?
     }
-    Ok(0)
+    Ok(())
 }
 
 fn run(

@@ -30,8 +30,8 @@ pub(crate) enum EvaluateCommand {
     Camera(CameraArgs),
 }
 
-/// Carries out an `evaluate` command; the exit code.
-pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
+/// Carries out an `evaluate` command.
+pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::Result<()> {
     let drives = &options.drives;
     let report = match (&options.command, &drives.run) {
         (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
@@ -53,7 +53,7 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
     } else {
         output::write(&report.to_string())?;
     }
-    Ok(0)
+    Ok(())
 }
 
 /// Judges the log of a drive that has just ended, puts the walkers' ways into its comparison, and says the figures in a line.

@@ -16,7 +16,7 @@ use bus::{Membership, Shell};
 use settings::{BuiltIn, Settings};
 
 /// Runs a built-in process to its end.
-pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
+pub(crate) fn process(kind: &str) -> anyhow::Result<()> {
     let membership = Membership::from_env().map_err(|error| BadInput(error.to_string()))?;
     let settings = Settings::read(membership.settings_path())?;
     let shell = Shell::join(membership)?;
@@ -33,7 +33,7 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<u8> {
         BuiltIn::Viewer => viewer::run(shell, &settings)?,
         BuiltIn::Injector => injector::run(shell, &settings)?,
     }
-    Ok(0)
+    Ok(())
 }
 
 fn built_in(word: &str) -> Result<BuiltIn, BadInput> {
