@@ -7,20 +7,20 @@ use std::str::FromStr;
 
 #[derive(Debug, Clone, Args)]
 pub(crate) struct RunOptions {
-    /// Folder for map and log; made when it is not there
+    /// Folder for the map and the log; it is created if missing
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Times faster than real time, 0.01 to 100; 1 unless it is given, for the demo 5, or 3 with `--open`
+    /// Speed relative to real time, from 0.01 to 100. The default is 1; for the demo it is 5, or 3 with --open
     #[arg(long, value_name = "N", value_parser = speed)]
     pub(crate) speed: Option<f64>,
-    /// Opens the live page in a browser
+    /// Open the live page in a browser
     #[arg(long)]
     pub(crate) open: bool,
 }
 
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Which {
-    /// Name of the deployment; needed when several are running
+    /// Name of the deployment; required if several are running
     #[arg(long, value_name = "NAME")]
     pub(crate) deployment: Option<String>,
 }

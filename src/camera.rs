@@ -10,27 +10,27 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum CameraCommand {
-    /// Tells which cameras there are, and what formats, sizes and controls they have
+    /// Lists the cameras with their formats, sizes and controls
     List {
-        /// Only this one
+        /// Camera to list; all are listed if it is not given
         #[arg(value_name = "DEVICE")]
         device: Option<PathBuf>,
-        /// Selects one of its inputs first, counted from 0
+        /// Input of the camera to select first, counted from 0
         #[arg(long, value_name = "N", requires = "device")]
         input: Option<u32>,
     },
-    /// Takes a picture
+    /// Takes a picture and writes it to a file
     Snapshot {
-        /// The camera, such as /dev/video0
+        /// Device of the camera, such as /dev/video0
         #[arg(value_name = "DEVICE")]
         device: PathBuf,
-        /// The picture's file
+        /// File of the picture
         #[arg(long, value_name = "FILE.png")]
         out: PathBuf,
-        /// Its size
+        /// Size of the picture in pixels
         #[arg(long, value_name = "WxH", default_value = "160x120", value_parser = size)]
         size: (u32, u32),
-        /// One of the camera's inputs, counted from 0; the one that is selected when not given
+        /// Input of the camera, counted from 0; the selected one if it is not given
         #[arg(long, value_name = "N")]
         input: Option<u32>,
     },

@@ -12,10 +12,10 @@ pub(crate) struct CheckArgs {
     /// The settings file
     #[arg(value_name = "FILE", group = "what")]
     settings: Option<PathBuf>,
-    /// Prints the JSON schema of settings files
+    /// Print the JSON schema of settings files
     #[arg(long, group = "what")]
     schema: bool,
-    /// Prints the reference of all settings
+    /// Print the reference of all settings
     #[arg(long, group = "what")]
     reference: bool,
 }

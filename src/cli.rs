@@ -18,9 +18,9 @@ use clap::{Parser, Subcommand};
 use indicatif::MultiProgress;
 use std::path::PathBuf;
 
-/// Maps what stands still, from a robot that drives among people.
+/// Builds a map of what stands still, with a robot that drives among people
 #[derive(Debug, Parser)]
-#[command(name = "stillmap", version, arg_required_else_help = true, after_help = format!("{}\n\n{ENVIRONMENT}", exit::HELP))]
+#[command(name = "stillmap", version, arg_required_else_help = true, max_term_width = 100, after_help = format!("{}\n\n{ENVIRONMENT}", exit::HELP))]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -28,41 +28,42 @@ pub(crate) struct Cli {
 
 const ENVIRONMENT: &str = "\
 Environment:
-  STILLMAP_LOG          Level of log lines: error, warn, info, debug or trace, or one for each module, as in info,mapping=debug.
+  STILLMAP_LOG          Level of log lines: error, warn, info, debug or trace; or a list of levels
+                        by module, such as info,mapping=debug.
   STILLMAP_RUNTIME_DIR  Folder of the running deployments.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Runs the deployment that a settings file describes, until Ctrl-C or its end
+    /// Runs the deployment of a settings file until it ends or is interrupted with Ctrl-C
     Run(RunArgs),
-    /// Drives a simulated robot through a hall with people in it, and maps the hall
+    /// Runs the built-in demo: a simulated robot maps a hall in which people walk
     Demo(DemoArgs),
-    /// Makes the map again from the log of a drive
+    /// Replays the log of a drive and builds its map again
     Replay(ReplayArgs),
-    /// Tells how the processes of a running deployment are
+    /// Prints the state of every process of the running deployments
     Status(StatusArgs),
-    /// Shows the processes of a running deployment from second to second
+    /// Shows a table of the processes of a running deployment that is updated every second
     Top(Which),
-    /// Makes the paper's figures with the code that maps
+    /// Draws the figures of the paper with the code that runs in a deployment
     Figures(FiguresArgs),
-    /// Writes the map of a running deployment as it is now
+    /// Writes the current map of a running deployment to files
     Map(MapArgs),
-    /// Looks at the cameras of this computer
+    /// Lists the cameras of this computer, or takes a picture with one
     #[command(subcommand)]
     Camera(CameraCommand),
-    /// Looks at a robot on a serial port
+    /// Identifies a robot at a serial port
     #[command(subcommand)]
     Pioneer(PioneerCommand),
-    /// Disturbs a running deployment on purpose: messages of a service, or a process
+    /// Injects a fault into a running deployment
     Inject(InjectArgs),
-    /// Tells how good results are, against the truth
+    /// Scores results against the truth: the maps of simulated drives, or camera masks
     Evaluate(EvaluateArgs),
-    /// Looks at, repairs or imports logs
+    /// Describes, recovers or imports logs
     #[command(subcommand)]
     Log(LogCommand),
-    /// Checks a settings file, or prints what settings there are
+    /// Checks a settings file, or prints the schema or the reference of all settings
     Check(CheckArgs),
-    /// Runs one process of a deployment; its supervisor does this
+    /// Runs one process of a deployment; the supervisor starts it
     #[command(hide = true)]
     Process {
         #[arg(value_name = "KIND")]

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct DemoArgs {
     #[command(flatten)]
     options: RunOptions,
-    /// Another world than the built-in hall
+    /// World to drive through instead of the built-in hall
     #[arg(long, value_name = "FILE")]
     world: Option<PathBuf>,
 }

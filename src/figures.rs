@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Arguments of `stillmap figures`.
 #[derive(Debug, Args)]
 pub(crate) struct FiguresArgs {
-    /// Folder for the figures; made when it is not there
+    /// Folder for the figures; it is created if missing
     #[arg(long, value_name = "DIR", default_value = "figures-out")]
     out: PathBuf,
 }

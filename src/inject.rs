@@ -16,25 +16,42 @@ use std::time::{Duration, Instant};
 #[derive(Debug, Clone, Args)]
 #[command(group = clap::ArgGroup::new("whom"))]
 pub(crate) struct InjectArgs {
-    /// To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory
-    #[arg(value_name = "KIND", value_parser = kind)]
+    /// Fault to inject
+    ///
+    /// Faults of a service, with --service:
+    ///   drop       Messages are lost.
+    ///   delay      Messages are delayed by --by.
+    ///   duplicate  Messages are sent twice.
+    ///   reorder    Messages are sent after the one that follows them.
+    ///   corrupt    Bits of messages are flipped.
+    ///   stall      Messages are held back until the fault ends.
+    ///   burst      Messages are held back and sent together every --by.
+    ///   clock      Messages are stamped by a clock that is --by ahead.
+    /// Faults of a process, with --process:
+    ///   kill       The process is killed, once or every --by.
+    ///   stop       The process is stopped until the fault ends.
+    ///   slow       The process is stopped for a share of the time, --rate.
+    ///   disk       No file of the process can grow, as on a full disk.
+    /// Faults of the computer:
+    ///   memory     All free shared memory is taken.
+    #[arg(value_name = "KIND", verbatim_doc_comment, value_parser = kind)]
     pub(crate) kind: FaultKind,
-    /// The service, for example robot/scan; it has to go through an injector
+    /// Service whose messages are affected, such as robot/scan. It must be routed through an injector in the settings
     #[arg(long, value_name = "NAME", group = "whom", value_parser = service)]
     pub(crate) service: Option<RoutedService>,
-    /// The process
+    /// Process that is affected
     #[arg(long, value_name = "NAME", group = "whom", value_parser = process_name)]
     pub(crate) process: Option<Name>,
-    /// Share of messages that are hit, or of time that a slowed process stands
+    /// Share of the messages that are affected, or of the time that a slowed process is stopped, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value = "1", value_parser = within::<FaultRate>, allow_negative_numbers = true)]
     pub(crate) rate: FaultRate,
-    /// How long, s
+    /// Duration of the fault in seconds
     #[arg(long = "for", value_name = "S", default_value = "10", value_parser = within::<FaultLength>, allow_negative_numbers = true)]
     pub(crate) for_s: FaultLength,
-    /// By how much it delays or a clock is set, how often a burst comes or a kill, s
+    /// Delay, clock offset, or period of bursts and kills, in seconds
     #[arg(long = "by", value_name = "S", value_parser = within::<FaultPeriod>, allow_negative_numbers = true)]
     pub(crate) by_s: Option<FaultPeriod>,
-    /// Another seed hits other messages
+    /// Seed that decides which messages are affected
     #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub(crate) seed: u32,
     #[command(flatten)]

@@ -6,24 +6,24 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum LogCommand {
-    /// Tells what a log holds
+    /// Prints what a log contains and what is damaged in it
     Info {
         /// The log
         #[arg(value_name = "FILE")]
         log: PathBuf,
     },
-    /// Writes what can be read of a damaged log into a new one
+    /// Writes the readable part of a damaged log into a new log
     Recover {
         /// The damaged log
         #[arg(value_name = "FILE")]
         log: PathBuf,
-        /// The new log; FILE with `-recovered` before its extension when not given
+        /// The new log. The default is FILE with `-recovered` before its extension
         #[arg(long, value_name = "LOG")]
         out: Option<PathBuf>,
     },
-    /// Makes a log from recordings of other software
+    /// Converts a recording of other software into a log
     Import {
-        /// What DIR holds
+        /// Format of the recording
         #[arg(long, value_enum)]
         format: ImportFormat,
         /// Folder of the recording

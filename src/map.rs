@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Arguments of `stillmap map`.
 #[derive(Debug, Args)]
 pub(crate) struct MapArgs {
-    /// Folder for the map; made when it is not there
+    /// Folder for the map; it is created if missing
     #[arg(long, value_name = "DIR", default_value = "map-out")]
     out: PathBuf,
     #[command(flatten)]

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum PioneerCommand {
-    /// Tells what answers on a port: who, at which speed, which sonars fire. Nothing moves
+    /// Connects to a robot and prints its name, model, baud rate and firing sonars. The robot does not move
     Probe {
-        /// The port, such as /dev/ttyUSB0
+        /// Serial port, such as /dev/ttyUSB0
         #[arg(value_name = "PORT")]
         port: PathBuf,
     },

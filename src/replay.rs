@@ -16,7 +16,7 @@ pub(crate) struct ReplayArgs {
     /// The log
     #[arg(value_name = "LOG")]
     log: PathBuf,
-    /// As fast as the machine goes and the same every time, or at the pace of the drive
+    /// How fast the log is played
     #[arg(long, value_enum, default_value_t = Pace::Lockstep)]
     pace: Pace,
     #[command(flatten)]
@@ -25,9 +25,9 @@ pub(crate) struct ReplayArgs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Pace {
-    /// As fast as every process can follow; nothing is dropped
+    /// As fast as every process can follow. No message is dropped, and the map is the same every time
     Lockstep,
-    /// At the pace of the drive, times `--speed`
+    /// At the pace of the drive, multiplied by --speed
     Live,
 }
 

@@ -14,7 +14,7 @@ pub(crate) struct RunArgs {
     /// The settings file
     #[arg(value_name = "FILE")]
     settings: PathBuf,
-    /// Begins a new map; without it a robot's last run goes on. What there was is kept beside `state` in the folder of outputs
+    /// Start a new map. Without this option a real robot resumes the map of its last run; the old state is kept beside `state` in the output folder
     #[arg(long)]
     fresh: bool,
     #[command(flatten)]

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 /// Arguments of `stillmap status`.
 #[derive(Debug, Args)]
 pub(crate) struct StatusArgs {
-    /// As JSON
+    /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
     #[command(flatten)]

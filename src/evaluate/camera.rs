@@ -18,36 +18,50 @@ use sequence::Sequence;
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// What the printed figures mean, at the end of the long help.
+const FIGURES: &str = "\
+Figures:
+  frames       Frames that were asked for, that the file has, and that have a pixel to score.
+  f1           Harmonic mean of precision and recall over all scored pixels. Components of less
+               than 40 pixels are dropped first; the limit holds for a width of 160 pixels and
+               grows with the square of the width.
+  false blobs  Components per frame that overlap moving or unscored truth by less than 30 %.
+  shadow       Share of the shadow pixels that the mask marks as moving.
+  time         Median processing time of a frame.
+  motion       Frames whose camera motion was not found.
+  refused      Frames that were rejected as unusable.";
+
 #[derive(Debug, Clone, Args)]
+#[command(after_long_help = FIGURES)]
 pub(crate) struct CameraArgs {
-    /// The pictures: YUV4MPEG2, 8 bits, 80 × 60 to 640 × 480
+    /// The pictures: a YUV4MPEG2 file with 8 bits, from 80 × 60 to 640 × 480 pixels
     #[arg(value_name = "FRAMES.y4m")]
     pub(crate) frames_file: PathBuf,
-    /// The truth: 0 still, 50 shadow, 85 and 170 not scored, 255 moving
+    /// The truth of each pixel: 0 static, 50 shadow, 85 and 170 not scored, 255 moving
     #[arg(value_name = "LABELS.y4m")]
     pub(crate) labels_file: PathBuf,
-    /// As JSON
+    /// Print JSON instead of text
     #[arg(long)]
     pub(crate) json: bool,
-    /// Folder for pictures and a log of frame, mask and truth of each scored frame; made when it is not there
+    /// Folder for pictures and a log of the frame, the mask and the truth of each scored frame; it is created if missing
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Frames that are scored, counted from 0
+    /// Frames to score, counted from 0
     #[arg(long, value_name = "FIRST..LAST", default_value = "30..119")]
     pub(crate) frames: NumberRange,
-    /// Row of the horizon as a share of the height: shadow is looked for below it; 0 for a camera that looks down, 1 for no shadow
+    /// Row of the horizon as a share of the picture's height. Shadows are detected below it: 0 for a camera that looks down, 1 to detect none
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, value_parser = share)]
     pub(crate) horizon: f32,
-    /// How the camera's own motion is found
+    /// Method that estimates the camera's own motion
     #[arg(long, value_enum, default_value_t = Compensation::Direct)]
     pub(crate) compensation: Compensation,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Compensation {
-    /// From all pixels at once, by robust Gauss–Newton
+    /// Direct alignment of all pixels by robust Gauss–Newton
     Direct,
-    /// From landmarks, by iterative closest point
+    /// Iterative closest point over landmarks
     Icp,
 }
 

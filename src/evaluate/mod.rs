@@ -15,8 +15,26 @@ use report::{Report, Row};
 use std::path::Path;
 use sweep::DriveArgs;
 
+/// The columns of the table, explained at the end of the long help.
+const COLUMNS: &str = "\
+Columns of the table, which has a row for each world and number of walkers:
+  walkers     Number of walkers; `file` is the number in the world file.
+  drives      Number of drives. Counts are summed over the drives of a row.
+  ghosts      Ghost cells of the unfiltered map -> of the filtered map. A ghost cell is occupied,
+              within 0.55 m of a walker's path, farther than 0.1 m from every surface, and not
+              occupied in the map of the same drive without walkers.
+  removed     Share of the ghost cells that the filter removed.
+  walls lost  Share of the wall cells that are missing, of those that perfect verdicts would keep.
+  vs empty    The same, of those in the map of the same drive without walkers.
+  F1          Harmonic mean of precision and recall of the occupied cells against the surfaces.
+  STD         Motion detection by sonar: precision and recall over the echoes of walkers, and
+              false alarms per minute.
+  track       Median distance of a walker within 3 m of the robot from the nearest track.
+
+Without --world, RUN must be the log of a simulated deployment: the truth is read from it.";
+
 #[derive(Debug, Args)]
-#[command(args_conflicts_with_subcommands = true)]
+#[command(args_conflicts_with_subcommands = true, after_long_help = COLUMNS)]
 pub(crate) struct EvaluateArgs {
     #[command(subcommand)]
     pub(crate) command: Option<EvaluateCommand>,
@@ -26,7 +44,7 @@ pub(crate) struct EvaluateArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum EvaluateCommand {
-    /// Scores what moves in a camera's pictures: finds it and compares it with the truth, pixel by pixel
+    /// Runs background subtraction over a sequence of pictures and scores its masks against labelled truth
     Camera(CameraArgs),
 }
 

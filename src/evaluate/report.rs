@@ -110,7 +110,7 @@ impl Report {
 }
 
 const HEAD: [&str; 9] =
-    ["walkers", "drives", "ghosts", "removed", "walls lost", "of reference", "F1", "STD precision/recall/alarms a minute", "track"];
+    ["walkers", "drives", "ghosts", "removed", "walls lost", "vs empty", "F1", "STD precision/recall/alarms per min", "track"];
 
 impl Display for Report {
     /// A line for each run or world and number of walkers, and one for all.
@@ -146,7 +146,7 @@ impl Display for Figures {
         let track = track_error_m.map_or_else(|| "none".to_owned(), |error| format!("{error:.2} m"));
         let (removed, lost) = (percent(score.ghosts_removed, 7, 1), percent(score.walls_lost, 10, 2));
         let reference = percent(score.walls_lost_reference, 12, 2);
-        write!(f, "{ghosts:>12}  {removed}  {lost}  {reference}  {:>5.3}  {std:<36}  {track}", score.f1)
+        write!(f, "{ghosts:>12}  {removed}  {lost}  {reference}  {:>5.3}  {std:<35}  {track}", score.f1)
     }
 }
 

@@ -18,34 +18,37 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[derive(Debug, Clone, Args)]
 #[command(group = clap::ArgGroup::new("drives").required(true))]
 pub(crate) struct DriveArgs {
-    /// A simulated drive: its log, or the folder that holds it
+    /// A simulated drive: its log, or the folder of the log
     #[arg(value_name = "RUN", group = "drives")]
     pub(crate) run: Option<PathBuf>,
-    /// Worlds to drive through in this process, without a bus: every seed with every number of walkers
+    /// Simulated worlds to drive through, each with every seed and every number of walkers.
+    ///
+    /// All drives run in this process, without a deployment. The camera is not rendered: its motion is computed from the true positions
+    /// of the walkers, with the errors that the settings give it.
     #[arg(long, value_name = "FILE", group = "drives", num_args = 1..)]
     pub(crate) world: Vec<PathBuf>,
-    /// Seeds of noise and of when and where the walkers walk
+    /// Seeds of the noise and of the walkers' paths
     #[arg(long, value_name = "FIRST..LAST", default_value = "1..2", requires = "world")]
     pub(crate) seeds: NumberRange,
-    /// Numbers of walkers; those of the file when not given
+    /// Numbers of walkers. The default is the number in the world file
     #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "world")]
     pub(crate) walkers: Vec<u32>,
-    /// Everyone stands for so long on his way, at each of its places but the last; as the file says when not given
+    /// Time that each walker stands at each waypoint but the last, in seconds. The default is the time in the world file
     #[arg(long, value_name = "SECONDS", value_parser = standing, requires = "world")]
     pub(crate) stand: Option<f64>,
-    /// What decides about readings
+    /// Method that decides which readings enter the map
     #[arg(long, value_enum, default_value_t = Rule::Full, requires = "world")]
     pub(crate) rule: Rule,
-    /// So many times the usual errors of the camera's calibration
+    /// Factor on the calibration errors of the camera, from 0 to 10
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor, requires = "world")]
     pub(crate) errors: f64,
-    /// A settings file whose sections to go by in the worlds; those of the demo when not given
+    /// Settings file for robot, sensors, filter and map. The default is that of the demo
     #[arg(long, value_name = "FILE", requires = "world")]
     pub(crate) settings: Option<PathBuf>,
-    /// Folder for a picture of each drive: every reading beside what is left; made when it is not there
+    /// Folder for a picture of each drive with the unfiltered map, the filtered map and the walkers' paths; it is created if missing
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// As JSON
+    /// Print JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -53,11 +56,11 @@ pub(crate) struct DriveArgs {
 /// What decides about readings in a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Rule {
-    /// As the settings say, by sonars and camera
+    /// The method of the settings, with sonars and camera
     Full,
-    /// The same without a camera
+    /// The method of the settings, with sonars only
     Sonar,
-    /// The paper as printed, with a camera that makes no mistakes
+    /// The method of the paper as printed, with an error-free camera
     Paper,
 }
 
