@@ -7,10 +7,11 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use bus::{Checkpoint, Domain, Shell};
+use bus::Domain;
 use criterion::{Criterion, criterion_group, criterion_main};
 use mapping::{Input, Mapper, Parameters};
 use messages::{Pose, SonarReading, SonarScan};
+use runtime::{Checkpoint, Shell};
 use settings::{Horizon, Mapping, Pace};
 use stillmap::process::mapping::Tiles;
 

@@ -1,8 +1,8 @@
 //! A driver of one's own: publishes `robot/scan` from a text file, one scan a line. A line is: time in s; x, y (m) and yaw (rad)
 //! of the robot; then for each reading x, y (m) and heading (rad) of its sonar on the robot, and the range in m.
 
-use bus::{Context, Next, Shell};
 use messages::{Pose, SonarReading, SonarScan};
+use runtime::{Context, Next, Shell};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::fs::read_to_string(std::env::args().nth(1).ok_or("expected the name of a text file")?)?;

@@ -70,11 +70,11 @@ mod tests {
     #[test]
     fn a_cause_decides_at_any_depth() {
         let refused = settings::Settings::parse("a.toml", "name = 1").unwrap_err();
-        let step: bus::StepError = Box::new(refused);
-        assert_eq!(code(&anyhow::Error::new(bus::RunError::Step(step))), 2);
+        let step: runtime::StepError = Box::new(refused);
+        assert_eq!(code(&anyhow::Error::new(runtime::RunError::Step(step))), 2);
         assert_eq!(code(&anyhow::Error::new(BadInput("no".to_owned()))), 2);
         let broken = BusError::BrokenDomain { service: "robot/scan", detail: String::new() };
-        assert_eq!(code(&anyhow::Error::new(bus::RunError::Bus(broken))), BROKEN_DOMAIN);
+        assert_eq!(code(&anyhow::Error::new(runtime::RunError::Bus(broken))), BROKEN_DOMAIN);
         assert_eq!(code(&anyhow::anyhow!("anything")), 1);
     }
 }

@@ -4,10 +4,11 @@ use crate::args::Which;
 use crate::exit::BadInput;
 use crate::output;
 use crate::running::choose;
-use bus::{Reader, Received, RunningDomain, Tool};
+use bus::{Reader, Received, RunningDomain};
 use clap::Args;
 use injector::{Ballast, Deed, Harm, News, Timetable, Victim, Wish};
 use messages::DeploymentStatus;
+use runtime::Tool;
 use settings::{
     Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultStart, Name, OutOfRange, PlannedFault, RoutedService, Settings,
 };

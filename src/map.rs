@@ -3,10 +3,11 @@
 use crate::args::Which;
 use crate::output;
 use crate::running::choose;
-use bus::{Reader, Received, RunningDomain, Tool};
+use bus::{Reader, Received, RunningDomain};
 use clap::Args;
 use mapping::export::MapCopy;
 use messages::{MapTile, Payload, WayChunk};
+use runtime::Tool;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 

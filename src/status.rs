@@ -3,9 +3,10 @@
 use crate::args::Which;
 use crate::running::choose;
 use crate::{exit, output};
-use bus::{Received, RunningDomain, Tool};
+use bus::{Received, RunningDomain};
 use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
+use runtime::Tool;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 

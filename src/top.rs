@@ -3,7 +3,7 @@
 use crate::args::Which;
 use crate::running::choose;
 use crate::status::{COLUMNS, HEAD, cells, has_words, processes, widths};
-use bus::{Received, Tool};
+use bus::Received;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use ratatui::layout::{Constraint, Layout};
@@ -11,6 +11,7 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Cell, Paragraph, Row, Table};
 use ratatui::{DefaultTerminal, Frame};
+use runtime::Tool;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 

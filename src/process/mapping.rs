@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, PartKey, Parts, Process, Reader, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, Reader, Received, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
+use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shell, StepError};
 use settings::{Pace, Settings};
 
 use ::mapping::export::MapCopy;

@@ -12,7 +12,8 @@ mod recorder;
 mod viewer;
 
 use crate::exit::BadInput;
-use bus::{Membership, Shell};
+use bus::Membership;
+use runtime::Shell;
 use settings::{BuiltIn, Settings};
 
 /// Runs a built-in process to its end.

@@ -1,7 +1,8 @@
 //! The process around STD: scans from the bus, an answer to each onto it.
 
-use bus::{BusError, Checkpoint, Context, Next, Process, Reader, Received, Recent, RunError, Shell, StepError, Writer};
+use bus::{BusError, Reader, Received, Recent, Writer};
 use messages::{SonarMotion, SonarScan};
+use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Settings};
 

@@ -5,10 +5,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use bus::{Domain, Reader, Received, Shell, Writer};
+use bus::{Domain, Reader, Received, Writer};
 use mapping::export::MapCopy;
 use mapping::{Input, Mapper, Parameters};
 use messages::{Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
+use runtime::Shell;
 use settings::{Mapping, Pace};
 
 const SCANS: u64 = 400;

@@ -6,8 +6,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use super::wall::{PERIOD_NS, grey, picture};
-use bus::{Domain, FrameReader, FrameWriter, Reader, Received, Shell};
+use bus::{Domain, FrameReader, FrameWriter, Reader, Received};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Heartbeat, PixelFormat, Progress};
+use runtime::Shell;
 use sbs::{Answer, Frame, State};
 
 const SIZE: (usize, usize) = (96, 72);

@@ -10,7 +10,7 @@ use std::time::Duration;
 use criterion::{Criterion, criterion_group};
 use iceoryx2::prelude::*;
 use messages::{CameraFrame, FilterVerdict, FrameLayout, PixelFormat, SonarScan};
-use stillmap_bus::{Domain, FrameReader, FrameWriter, Reader, Received, Shell, Writer};
+use stillmap_bus::{Domain, FrameReader, FrameWriter, Membership, Ports, Reader, Received, Writer};
 
 const CHILD: &str = "STILLMAP_BENCH_CHILD";
 /// As large as a scan.
@@ -53,12 +53,18 @@ fn exit_with_parent() {
         .unwrap();
 }
 
+/// As the run loop waits.
+fn wait(ports: &Ports) {
+    ports.refresh();
+    ports.wait(&[], Duration::from_secs(1)).unwrap();
+}
+
 fn bus_hop(criterion: &mut Criterion) {
     let domain = Domain::open(&format!("bench-hop-{}", std::process::id()), 1.0).unwrap();
     let mut other = child("bus", &domain.membership_for("echo", 0, "none".as_ref()).environment());
-    let mut shell = Shell::join(domain.membership_for("ping", 0, "none".as_ref())).unwrap();
-    let mut scans: Writer<SonarScan> = shell.writer().unwrap();
-    let mut verdicts: Reader<FilterVerdict> = shell.reader().unwrap();
+    let mut ports = Ports::join(&domain.membership_for("ping", 0, "none".as_ref())).unwrap();
+    let mut scans: Writer<SonarScan> = ports.writer().unwrap();
+    let mut verdicts: Reader<FilterVerdict> = ports.reader().unwrap();
     let scan = SonarScan::default();
     let mut seq = 0;
     let mut there_and_back = || {
@@ -68,7 +74,7 @@ fn bus_hop(criterion: &mut Criterion) {
             match verdicts.take().unwrap() {
                 Some(Received::Message(answer)) if answer.seq() == seq => return,
                 Some(_) => (),
-                None => shell.wait_for_inputs(Duration::from_secs(1)).unwrap(),
+                None => wait(&ports),
             }
         }
     };
@@ -76,16 +82,16 @@ fn bus_hop(criterion: &mut Criterion) {
     criterion.bench_function("there and back, 672 bytes: stillmap-bus", |bencher| bencher.iter(&mut there_and_back));
     drop(other.stdin.take());
     other.wait().unwrap();
-    drop((shell, scans, verdicts));
+    drop((ports, scans, verdicts));
     domain.close().unwrap();
 }
 
 fn bus_pictures(criterion: &mut Criterion) {
     let domain = Domain::open(&format!("bench-pictures-{}", std::process::id()), 1.0).unwrap();
     let mut other = child("bus", &domain.membership_for("echo", 0, "none".as_ref()).environment());
-    let mut shell = Shell::join(domain.membership_for("ping", 0, "none".as_ref())).unwrap();
-    let mut frames: FrameWriter<CameraFrame> = shell.frame_writer().unwrap();
-    let mut verdicts: Reader<FilterVerdict> = shell.reader().unwrap();
+    let mut ports = Ports::join(&domain.membership_for("ping", 0, "none".as_ref())).unwrap();
+    let mut frames: FrameWriter<CameraFrame> = ports.frame_writer().unwrap();
+    let mut verdicts: Reader<FilterVerdict> = ports.reader().unwrap();
     let mut seq = 0;
     for layout in PICTURES {
         let picture = vec![7; layout.bytes()];
@@ -96,7 +102,7 @@ fn bus_pictures(criterion: &mut Criterion) {
                 match verdicts.take().unwrap() {
                     Some(Received::Message(answer)) if answer.seq() == seq => return,
                     Some(_) => (),
-                    None => shell.wait_for_inputs(Duration::from_secs(1)).unwrap(),
+                    None => wait(&ports),
                 }
             }
         };
@@ -106,16 +112,16 @@ fn bus_pictures(criterion: &mut Criterion) {
     }
     drop(other.stdin.take());
     other.wait().unwrap();
-    drop((shell, frames, verdicts));
+    drop((ports, frames, verdicts));
     domain.close().unwrap();
 }
 
 fn echo_bus() {
     exit_with_parent();
-    let mut shell = Shell::from_env().unwrap();
-    let mut scans: Reader<SonarScan> = shell.reader().unwrap();
-    let mut frames: FrameReader<CameraFrame> = shell.frame_reader().unwrap();
-    let mut verdicts: Writer<FilterVerdict> = shell.writer().unwrap();
+    let mut ports = Ports::join(&Membership::from_env().unwrap()).unwrap();
+    let mut scans: Reader<SonarScan> = ports.reader().unwrap();
+    let mut frames: FrameReader<CameraFrame> = ports.frame_reader().unwrap();
+    let mut verdicts: Writer<FilterVerdict> = ports.writer().unwrap();
     loop {
         while let Some(Received::Message(scan)) = scans.take().unwrap() {
             verdicts.send(scan.seq(), scan.stamp_ns(), &FilterVerdict::default()).unwrap();
@@ -123,7 +129,7 @@ fn echo_bus() {
         while let Some(Received::Message(frame)) = frames.take().unwrap() {
             verdicts.send(frame.seq(), frame.stamp_ns(), &FilterVerdict::default()).unwrap();
         }
-        shell.wait_for_inputs(Duration::from_secs(1)).unwrap();
+        wait(&ports);
     }
 }
 

@@ -1,16 +1,10 @@
 //! A domain: the place where one deployment lives, and nobody else.
 
-use std::cell::Cell;
-use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Write};
+use std::fs::File;
+use std::io::Write;
 use std::os::fd::BorrowedFd;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
-use std::time::{Duration, Instant};
 
-use iceoryx2::port::listener::Listener;
-use iceoryx2::prelude::ipc;
 use messages::{
     CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
     Payload, Pictures, PlaybackControl, Progress, Service, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook,
@@ -18,152 +12,104 @@ use messages::{
 };
 use rustix::fs::{FlockOperation, flock};
 
-use crate::broken::BusError;
 use crate::clock::DeploymentClock;
+use crate::error::{BusError, DomainError};
 use crate::fabric::{Channel, Fabric};
+use crate::locks::{is_current, open_lock_file, take_lock, wait_until_deserted};
 use crate::membership::Membership;
 use crate::memory::{FOR_A_DEPLOYMENT, check_free};
-use crate::outlet::Refresh;
-use crate::paths::{DomainPaths, ignore_missing, make_private, runtime_dir};
+use crate::paths::{DomainPaths, ignore_missing, make_private, names, runtime_dir, volatile_state};
+use crate::ports::Ports;
 use crate::reader::Reader;
-use crate::shell::{drain, listener_descriptor, timespec};
-use crate::state::{Kept, State};
 use crate::writer::Writer;
 
-/// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
-const LOCK_PATIENCE: Duration = Duration::from_secs(5);
 /// The names of iceoryx2's sockets, which begin with the folder of the domain, may have 107 bytes.
 const LONGEST_FOLDER: usize = 48;
-/// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
-const UNNOTED_S: f64 = 3.0;
-
-/// A domain that could not be opened, joined or cleaned.
-#[derive(Debug, thiserror::Error)]
-pub enum DomainError {
-    /// The name cannot be one.
-    #[error("deployment name {name:?}: expected 1 to 40 of a-z, 0-9 and -")]
-    Name {
-        /// What was given.
-        name: String,
-    },
-    /// A supervisor holds it.
-    #[error("deployment {name} is already running (process {pid})")]
-    Running {
-        /// Its name.
-        name: String,
-        /// Process id of its supervisor, as it wrote it.
-        pid: String,
-    },
-    /// Nobody holds it.
-    #[error("deployment {name} is not running")]
-    NoDomain {
-        /// Its name.
-        name: String,
-    },
-    /// Processes of an earlier run are still alive in it.
-    #[error("processes of an earlier run of {name} are still alive after {waited:?}")]
-    StillInhabited {
-        /// Its name.
-        name: String,
-        /// How long it was waited for them.
-        waited: Duration,
-    },
-    /// The files of the bus would have longer names than the system takes.
-    #[error("the runtime folder {folder} is {found} bytes long, expected at most {most}: set STILLMAP_RUNTIME_DIR to a shorter one")]
-    LongFolder {
-        /// The folder of the domain.
-        folder: PathBuf,
-        /// Its length.
-        found: usize,
-        /// The longest that can be.
-        most: usize,
-    },
-    /// Too little shared memory.
-    #[error("/dev/shm has {free} bytes free, expected at least {needed}")]
-    SharedMemory {
-        /// Bytes free.
-        free: u64,
-        /// Bytes needed.
-        needed: u64,
-    },
-    /// The file system refuses.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What it says.
-        source: io::Error,
-    },
-    /// The bus fails.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-}
 
 /// A service, and what keeps it in being.
 type Held = (Service, Box<dyn std::any::Any>);
 
+/// Which run a domain is for, and where its checkpoints are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Run {
+    /// In the header of every message.
+    pub number: u64,
+    /// How many times the run was started before.
+    pub start: u32,
+    /// The folder of checkpoints.
+    pub state: PathBuf,
+    /// The deployment's clock is not set to an earlier time than this, ns since the Unix epoch.
+    pub not_before_ns: u64,
+}
+
+/// The name of a domain, taken for a new supervisor: no process lives in it, and what an earlier run left is removed.
+pub struct Claim {
+    paths: DomainPaths,
+    lock: File,
+    clock: DeploymentClock,
+}
+
 /// The supervisor's hold on a domain: the lock, the folder and every service.
 pub struct Domain {
     paths: DomainPaths,
-    fabric: Option<Fabric>,
+    /// Its own ports; None only while the bus is made anew.
+    ports: Option<Ports>,
     services: Vec<Held>,
-    writers: Vec<Rc<dyn Refresh>>,
-    listeners: Vec<Rc<Listener<ipc::Service>>>,
     clock: DeploymentClock,
-    /// The run, and where its checkpoints are.
-    state: State,
+    run: Run,
     /// Services whose messages go through a process between their publishers and their readers.
     routed: Vec<String>,
     _lock: File,
 }
 
-impl Domain {
-    /// Opens the domain of this name for a new run: takes its lock, removes what an earlier run left, creates every service.
+impl Claim {
+    /// Takes the lock of the domain of this name and removes what an earlier run left. Its clock runs `speed` times faster than
+    /// the wall.
     ///
     /// # Errors
     /// When a supervisor holds it, processes of an earlier run are alive, or memory or the file system refuse.
-    pub fn open(name: &str, speed: f64) -> Result<Self, DomainError> {
-        Self::open_with(name, speed, &[], None)
-    }
-
-    /// As [`Domain::open`]. What is sent on the services named in `routed` does not go straight to their readers, but to who
-    /// [taps](crate::Shell::tap) it. `kept` says where checkpoints outlive the deployment, if they do: the run that was there last
-    /// goes on then, under its own number and with a clock that is not behind it.
-    ///
-    /// # Errors
-    /// As [`Domain::open`].
-    pub fn open_with(name: &str, speed: f64, routed: &[&str], kept: Option<Kept<'_>>) -> Result<Self, DomainError> {
+    pub fn take(name: &str, speed: f64) -> Result<Self, DomainError> {
         check_name(name)?;
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
         remove_abandoned(&runtime, name);
         let paths = DomainPaths::new(&runtime, name);
         check_length(&paths.directory)?;
         check_free(FOR_A_DEPLOYMENT)?;
-        let mut lock = take_lock(&paths)?;
+        let lock = take_lock(&paths)?;
         wait_until_deserted(&paths)?;
         let clock = DeploymentClock::start(speed);
-        let new_run = clock.started_real_ns ^ (u64::from(std::process::id()) << 48);
-        let io = |path: &Path| {
-            let path = path.to_owned();
-            move |source| DomainError::Io { path, source }
-        };
-        paths.wipe().map_err(io(&paths.directory))?;
-        let state = match kept {
-            None => State::of_the_run(&paths.directory, new_run),
-            Some(kept) => State::take_up(kept, name, new_run).map_err(io(kept.folder))?,
-        };
-        let unnoted_ns = (UNNOTED_S * clock.speed() * 1e9) as u64;
-        let clock = clock.not_before(state.last_ns().saturating_add(unnoted_ns));
-        let run = state.run();
-        lock.set_len(0).and_then(|()| write!(lock, "{} {run:016x}", std::process::id())).map_err(io(&paths.lock))?;
-        let mut domain = Self {
+        paths.wipe().map_err(|source| DomainError::Io { path: paths.directory.clone(), source })?;
+        Ok(Self { paths, lock, clock })
+    }
+
+    /// A run that was never there before, with checkpoints that are removed with the domain.
+    #[must_use]
+    pub fn new_run(&self) -> Run {
+        let number = self.clock.started_real_ns ^ (u64::from(std::process::id()) << 48);
+        Run { number, start: 0, state: volatile_state(&self.paths.directory), not_before_ns: 0 }
+    }
+
+    /// The clock of the domain.
+    #[must_use]
+    pub fn clock(&self) -> DeploymentClock {
+        self.clock
+    }
+
+    /// Creates the folder of the domain and every service. What is sent on the services named in `routed` does not go straight
+    /// to their readers, but to the process that [taps](Ports::tap) it.
+    ///
+    /// # Errors
+    /// When memory or the file system refuse.
+    pub fn open(self, run: Run, routed: &[&str]) -> Result<Domain, DomainError> {
+        let Self { paths, mut lock, clock } = self;
+        let io = |source| DomainError::Io { path: paths.lock.clone(), source };
+        lock.set_len(0).and_then(|()| write!(lock, "{} {:016x}", std::process::id(), run.number)).map_err(io)?;
+        let mut domain = Domain {
             paths,
-            fabric: None,
+            ports: None,
             services: Vec::new(),
-            writers: Vec::new(),
-            listeners: Vec::new(),
-            clock,
-            state,
+            clock: clock.not_before(run.not_before_ns),
+            run,
             routed: routed.iter().map(|name| (*name).to_owned()).collect(),
             _lock: lock,
         };
@@ -172,10 +118,19 @@ impl Domain {
             demolish(&domain.paths)?;
             return Err(error);
         }
-        if let Err(error) = domain.note_time() {
-            tracing::warn!("{error}: the next start may go on with a clock that is behind");
-        }
         Ok(domain)
+    }
+}
+
+impl Domain {
+    /// Opens the domain of this name for a new run.
+    ///
+    /// # Errors
+    /// As [`Claim::take`] and [`Claim::open`].
+    pub fn open(name: &str, speed: f64) -> Result<Self, DomainError> {
+        let claim = Claim::take(name, speed)?;
+        let run = claim.new_run();
+        claim.open(run, &[])
     }
 
     /// Wipes the bus and creates every service anew, in the same run; the checkpoints stay. Only while no process of it lives.
@@ -184,11 +139,8 @@ impl Domain {
     /// # Errors
     /// As [`Domain::open`].
     pub fn rebuild(&mut self) -> Result<(), DomainError> {
+        self.release();
         let io = |source| DomainError::Io { path: self.paths.directory.clone(), source };
-        self.writers.clear();
-        self.listeners.clear();
-        self.services.clear();
-        self.fabric = None;
         self.paths.wipe_bus().map_err(io)?;
         make_private(&self.paths.directory).map_err(io)?;
         make_private(&self.paths.root()).map_err(io)?;
@@ -217,7 +169,7 @@ impl Domain {
         hold_pictures::<TruthMask>(&fabric, &mut services)?;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         self.services = services;
-        self.fabric = Some(fabric);
+        self.ports = Some(Ports::new(fabric, self.run.number, None));
         Ok(())
     }
 
@@ -227,24 +179,16 @@ impl Domain {
         &self.paths.directory
     }
 
-    /// The run that this hold stands for.
+    /// The number of the run, in the header of every message.
     #[must_use]
     pub fn run(&self) -> u64 {
-        self.state.run()
+        self.run.number
     }
 
-    /// Whether this is an earlier run that goes on.
+    /// The deployment's clock.
     #[must_use]
-    pub fn goes_on(&self) -> bool {
-        self.state.start() > 0
-    }
-
-    /// Keeps how late it is in the deployment for the next start of the run; to be called every second or so.
-    ///
-    /// # Errors
-    /// When the file system refuses.
-    pub fn note_time(&self) -> Result<(), DomainError> {
-        self.state.note(self.clock.now_ns()).map_err(|source| DomainError::Io { path: self.state.folder().to_owned(), source })
+    pub fn clock(&self) -> DeploymentClock {
+        self.clock
     }
 
     /// What a child is told: its environment is [`Membership::environment`].
@@ -258,8 +202,8 @@ impl Domain {
             clock: self.clock,
             settings_path: settings_path.to_owned(),
             routed: self.routed.clone(),
-            state: self.state.folder().to_owned(),
-            start: self.state.start(),
+            state: self.run.state.clone(),
+            start: self.run.start,
             supervisor: std::process::id(),
         }
     }
@@ -269,9 +213,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric()?.open(Channel::Open)?, self.run(), None)?;
-        self.listeners.extend(reader.listener());
-        Ok(reader)
+        self.ports()?.uncounted_reader()
     }
 
     /// An output of the supervisor itself.
@@ -279,9 +221,7 @@ impl Domain {
     /// # Errors
     /// When no place is left on the service.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
-        let writer = Writer::new(self.fabric()?.open(Channel::Open)?, self.run(), Rc::new(Cell::new(0)))?;
-        self.writers.push(writer.refresh());
-        Ok(writer)
+        self.ports()?.uncounted_writer()
     }
 
     /// Whether what is sent on the service of this name is a numbered stream, of which every message counts.
@@ -293,19 +233,21 @@ impl Domain {
     /// Descriptors that become readable when a message waits on an input of the supervisor.
     #[must_use]
     pub fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
-        self.listeners.iter().map(|listener| listener_descriptor(listener)).collect()
+        self.ports.as_ref().map_or_else(Vec::new, Ports::descriptors)
     }
 
     /// Takes note of wake-ups and lets readers that have joined have what was sent; to be called after each wait.
     pub fn refresh(&self) {
-        self.listeners.iter().for_each(|listener| drain(listener));
-        self.writers.iter().for_each(|writer| writer.refresh());
+        if let Some(ports) = &self.ports {
+            ports.drain();
+            ports.refresh();
+        }
     }
 
     /// Removes what dead processes have left on the bus; to be called after each `waitpid`, and now and then for
     /// visitors. Returns how many nodes were dead.
     pub fn remove_the_dead(&self) -> usize {
-        self.fabric.as_ref().map_or(0, Fabric::remove_the_dead)
+        self.ports.as_ref().map_or(0, |ports| ports.fabric().remove_the_dead())
     }
 
     /// Waits until the last process has left, and removes everything the domain put anywhere.
@@ -318,14 +260,12 @@ impl Domain {
     }
 
     fn release(&mut self) {
-        self.writers.clear();
-        self.listeners.clear();
         self.services.clear();
-        self.fabric = None;
+        self.ports = None;
     }
 
-    fn fabric(&self) -> Result<&Fabric, BusError> {
-        self.fabric.as_ref().ok_or(BusError::NoService { service: "any" })
+    fn ports(&mut self) -> Result<&mut Ports, BusError> {
+        self.ports.as_mut().ok_or(BusError::NoService { service: "any" })
     }
 }
 
@@ -340,76 +280,6 @@ fn hold<T: Payload>(fabric: &Fabric, routed: &[String], services: &mut Vec<Held>
 fn hold_pictures<P: Pictures>(fabric: &Fabric, services: &mut Vec<Held>) -> Result<(), BusError> {
     services.push((P::SERVICE, Box::new(fabric.create_pictures::<P>()?)));
     Ok(())
-}
-
-/// A deployment that runs on this machine under this user.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RunningDomain {
-    paths: DomainPaths,
-    run: u64,
-    pid: u32,
-}
-
-impl RunningDomain {
-    /// Every deployment that runs, by name.
-    ///
-    /// # Errors
-    /// When the runtime folder cannot be read.
-    pub fn all() -> Result<Vec<Self>, DomainError> {
-        let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
-        let mut running: Vec<Self> =
-            names(&runtime).into_iter().filter_map(|name| Self::look(&DomainPaths::new(&runtime, &name))).collect();
-        running.sort_by(|a, b| a.paths.name.cmp(&b.paths.name));
-        Ok(running)
-    }
-
-    /// Its name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.paths.name
-    }
-
-    /// Process id of its supervisor.
-    #[must_use]
-    pub fn pid(&self) -> u32 {
-        self.pid
-    }
-
-    /// Its folder.
-    #[must_use]
-    pub fn directory(&self) -> &Path {
-        &self.paths.directory
-    }
-
-    pub(crate) fn run(&self) -> u64 {
-        self.run
-    }
-
-    pub(crate) fn paths(&self) -> &DomainPaths {
-        &self.paths
-    }
-
-    fn look(paths: &DomainPaths) -> Option<Self> {
-        let mut file = File::open(&paths.lock).ok()?;
-        if flock(&file, FlockOperation::NonBlockingLockShared).is_ok() {
-            return None;
-        }
-        let mut text = String::new();
-        file.read_to_string(&mut text).ok()?;
-        let (pid, run) = text.split_once(' ')?;
-        Some(Self { paths: paths.clone(), run: u64::from_str_radix(run, 16).ok()?, pid: pid.parse().ok()? })
-    }
-}
-
-/// Says that this process lives in the domain, as long as the file is held.
-pub(crate) fn join_members(paths: &DomainPaths) -> Result<File, DomainError> {
-    let io = |source| DomainError::Io { path: paths.members.clone(), source };
-    if !paths.directory.is_dir() {
-        return Err(DomainError::NoDomain { name: paths.name.clone() });
-    }
-    let file = open_lock_file(&paths.members).map_err(io)?;
-    flock(&file, FlockOperation::LockShared).map_err(|error| io(error.into()))?;
-    Ok(file)
 }
 
 /// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone. Where the
@@ -448,58 +318,6 @@ fn remove_abandoned(runtime: &Path, except: &str) {
             tracing::info!("removed what deployment {name} had left behind");
         }
     }
-}
-
-fn names(runtime: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(runtime).into_iter().flatten().flatten();
-    entries.filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".lock")?.to_owned())).collect()
-}
-
-fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
-    let io = |source| DomainError::Io { path: paths.lock.clone(), source };
-    let started = Instant::now();
-    loop {
-        let mut lock = open_lock_file(&paths.lock).map_err(io)?;
-        let taken = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
-        if taken && is_current(&lock, &paths.lock) {
-            return Ok(lock);
-        }
-        if started.elapsed() > LOCK_PATIENCE / 5 && !taken {
-            let mut pid = String::new();
-            lock.read_to_string(&mut pid).map_err(io)?;
-            let pid = pid.split(' ').next().unwrap_or_default().to_owned();
-            return Err(DomainError::Running { name: paths.name.clone(), pid });
-        }
-        pause();
-    }
-}
-
-fn wait_until_deserted(paths: &DomainPaths) -> Result<File, DomainError> {
-    let io = |source| DomainError::Io { path: paths.members.clone(), source };
-    let members = open_lock_file(&paths.members).map_err(io)?;
-    let started = Instant::now();
-    while flock(&members, FlockOperation::NonBlockingLockExclusive).is_err() {
-        if started.elapsed() > LOCK_PATIENCE {
-            return Err(DomainError::StillInhabited { name: paths.name.clone(), waited: LOCK_PATIENCE });
-        }
-        pause();
-    }
-    Ok(members)
-}
-
-/// The kernel has no way to wait for a file lock with a limit.
-fn pause() {
-    let _ = rustix::event::poll(&mut [], Some(&timespec(Duration::from_millis(5))));
-}
-
-fn open_lock_file(path: &Path) -> io::Result<File> {
-    OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
-}
-
-/// Whether the file behind the path is still the one that was opened, and locked.
-fn is_current(file: &File, path: &Path) -> bool {
-    let identity = |found: io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
-    identity(file.metadata()) == identity(std::fs::metadata(path))
 }
 
 fn check_length(folder: &Path) -> Result<(), DomainError> {

@@ -16,7 +16,7 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use messages::{FrameHeader, Layout, Payload, Pictures, Qos, Service};
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::paths::DomainPaths;
 use crate::slot::{FrameHeaderSlot, HeaderSlot, Slot};
 

@@ -10,8 +10,8 @@ use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 use messages::{FrameHeader, FrameLayout, Header, Pictures, PixelFormat};
 
-use crate::broken::BusError;
 use crate::clock::DeploymentClock;
+use crate::error::BusError;
 use crate::fabric::{Opened, PicturePubSub, listener};
 use crate::slot::FrameHeaderSlot;
 use crate::stream::{Account, Admission, Received, Stream, checksum};

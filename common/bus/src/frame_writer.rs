@@ -8,7 +8,7 @@ use std::rc::Rc;
 use iceoryx2::prelude::AllocationStrategy;
 use messages::{FrameHeader, FrameLayout, Header, Kind, Pictures};
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::fabric::{Opened, PicturePubSub};
 use crate::outlet::{Outlet, Refresh};
 use crate::slot::FrameHeaderSlot;

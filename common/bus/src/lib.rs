@@ -1,52 +1,47 @@
-//! The shell of every stillmap process, and the one home of iceoryx2.
+//! The ports of a process on the bus, and the one home of iceoryx2.
 //!
 //! A deployment lives in a [`Domain`] of its own: a folder, a prefix in shared memory and a lock. The supervisor opens it,
-//! creates every service and holds them; processes only ever open what exists. A process joins with a [`Shell`], declares
-//! its inputs ([`Reader`], for pictures [`FrameReader`]) and outputs ([`Writer`], [`FrameWriter`]) and hands over a [`Process`], whose `step` the shell calls whenever
-//! something is there to be done. Waiting is a `poll` on file descriptors: no busy polling, no sleeping.
+//! creates every service and holds them; processes only ever open what exists. A process joins with its [`Membership`] and opens
+//! [`Ports`]: inputs ([`Reader`], for pictures [`FrameReader`]) and outputs ([`Writer`], [`FrameWriter`]). Waiting is a `poll` on
+//! file descriptors: no busy polling, no sleeping. The run loop around them is in the crate `runtime`.
 //!
 //! Modes of failure that this crate answers for: lost, repeated and damaged messages are counted where they are read; a
-//! process that dies leaves nothing that stops the next; a hung work loop sends no heartbeat, since no other thread does.
+//! process that dies leaves nothing that stops the next.
 
-mod broken;
-mod checkpoint;
 mod clock;
 mod domain;
+mod error;
 mod fabric;
 mod frame_reader;
 mod frame_writer;
-mod journal;
 mod latency;
+mod locks;
 mod membership;
 mod memory;
 mod outlet;
 mod paths;
+mod ports;
 mod raw;
 mod reader;
 mod recent;
-mod shell;
-mod signals;
+mod running;
 mod slot;
-mod state;
 mod stream;
-mod tool;
+mod wait;
 mod writer;
 
-pub use broken::{BusError, EXIT_BROKEN_DOMAIN};
-pub use checkpoint::{Checkpoint, Parts, Saved};
 pub use clock::DeploymentClock;
-pub use domain::{Domain, DomainError, RunningDomain, sweep};
+pub use domain::{Claim, Domain, Run, sweep};
+pub use error::{BusError, DomainError, EXIT_BROKEN_DOMAIN};
 pub use frame_reader::{Frame, FrameReader, RefusedFrame};
 pub use frame_writer::FrameWriter;
-pub use journal::PartKey;
 pub use membership::{Membership, MembershipError};
 pub use memory::shared_memory_is_short;
+pub use paths::make_private;
+pub use ports::Ports;
 pub use raw::{Injection, Raw, Tap};
 pub use reader::{Message, Reader};
 pub use recent::Recent;
-pub use shell::{Context, Next, Process, RunError, Shell, StepError};
-pub use signals::Signals;
-pub use state::Kept;
+pub use running::RunningDomain;
 pub use stream::Received;
-pub use tool::Tool;
 pub use writer::Writer;

@@ -3,10 +3,8 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use messages::Service;
-
 use crate::clock::DeploymentClock;
-use crate::fabric::Channel;
+use crate::paths::volatile_state;
 
 /// The environment that the supervisor gives to each of its children, and that [`Membership::from_env`] reads.
 const DOMAIN: &str = "STILLMAP_DOMAIN";
@@ -159,9 +157,28 @@ impl Membership {
         &self.directory
     }
 
-    /// The channel that what is sent on this service goes into.
-    pub(crate) fn channel_to(&self, service: &Service) -> Channel {
-        if self.routed.iter().any(|name| name == service.name) { Channel::Tapped } else { Channel::Open }
+    /// The folder of checkpoints, which outlives the deployment where its supervisor was told so.
+    #[must_use]
+    pub fn state(&self) -> &Path {
+        &self.state
+    }
+
+    /// The folder of checkpoints that are removed with the domain.
+    #[must_use]
+    pub fn volatile_state(&self) -> PathBuf {
+        volatile_state(&self.directory)
+    }
+
+    /// How many times the run was started before.
+    #[must_use]
+    pub fn start(&self) -> u32 {
+        self.start
+    }
+
+    /// Process id of the supervisor.
+    #[must_use]
+    pub fn supervisor(&self) -> u32 {
+        self.supervisor
     }
 
     /// The settings of the deployment, whole, as a TOML file.

@@ -2,7 +2,7 @@
 
 use rustix::fs::statvfs;
 
-use crate::domain::DomainError;
+use crate::error::DomainError;
 
 /// Where shared memory is, on Linux.
 const SHARED_MEMORY: &str = "/dev/shm";

@@ -10,7 +10,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{IceoryxSend, PortFactory, ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe;
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::fabric::Wake;
 
 /// Lets readers that joined since the last send have the history.

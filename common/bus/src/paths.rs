@@ -21,8 +21,11 @@ pub(crate) fn runtime_dir() -> io::Result<PathBuf> {
     Ok(path)
 }
 
-/// Makes a folder that only its user may enter.
-pub(crate) fn make_private(path: &Path) -> io::Result<()> {
+/// Makes a folder that only its user may enter, and the folders above it that are missing.
+///
+/// # Errors
+/// When the file system refuses, or the folder that is there already belongs to another user or others may write to it.
+pub fn make_private(path: &Path) -> io::Result<()> {
     std::fs::DirBuilder::new().recursive(true).mode(0o700).create(path)?;
     let found = std::fs::symlink_metadata(path)?;
     let uid = rustix::process::getuid().as_raw();
@@ -38,7 +41,7 @@ pub(crate) fn make_private(path: &Path) -> io::Result<()> {
 }
 
 /// The folder, in that of a domain, of checkpoints that go with the deployment.
-pub(crate) fn passing_state(directory: &Path) -> PathBuf {
+pub(crate) fn volatile_state(directory: &Path) -> PathBuf {
     directory.join("state")
 }
 
@@ -111,19 +114,15 @@ impl DomainPaths {
     }
 }
 
-/// The first of `path-1`, `path-2` … that nothing has.
-pub(crate) fn free_name(path: &Path) -> PathBuf {
-    let numbered = |number: u32| {
-        let mut name = path.as_os_str().to_owned();
-        name.push(format!("-{number}"));
-        PathBuf::from(name)
-    };
-    (1..u32::MAX).map(numbered).find(|name| !name.exists()).unwrap_or_else(|| numbered(u32::MAX))
-}
-
 pub(crate) fn ignore_missing(result: io::Result<()>) -> io::Result<()> {
     match result {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         other => other,
     }
+}
+
+/// Names of the domains in a runtime folder, alive or not.
+pub(crate) fn names(runtime: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(runtime).into_iter().flatten().flatten();
+    entries.filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".lock")?.to_owned())).collect()
 }

@@ -7,7 +7,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use messages::{Header, Kind, Payload};
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::outlet::{Outlet, Refresh};
 use crate::slot::{HeaderSlot, Slot};

@@ -10,8 +10,8 @@ use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 use messages::{Header, Payload};
 
-use crate::broken::BusError;
 use crate::clock::DeploymentClock;
+use crate::error::BusError;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::slot::{HeaderSlot, Slot};
 use crate::stream::{Account, Admission, Received, Stream, checksum};

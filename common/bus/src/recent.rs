@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use messages::Payload;
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::writer::Writer;
 
 /// The last messages that a process sent on a stream.

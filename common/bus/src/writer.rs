@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use messages::{Header, Kind, Payload};
 
-use crate::broken::BusError;
+use crate::error::BusError;
 use crate::fabric::{Opened, PubSub};
 use crate::outlet::{Outlet, Refresh};
 use crate::slot::{HeaderSlot, Slot};

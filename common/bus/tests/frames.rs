@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use messages::{CameraFrame, CameraMask, FrameLayout, MAX_FRAME_BYTES, Pictures, PixelFormat};
-use stillmap_bus::{Domain, FrameReader, FrameWriter, Received, RunningDomain, Shell, Tool};
+use stillmap_bus::{Domain, FrameReader, FrameWriter, Ports, Received, RunningDomain};
 
 /// A domain that no other test shares.
 fn domain() -> Domain {
@@ -14,8 +14,8 @@ fn domain() -> Domain {
     Domain::open(&format!("test-frames-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed)), 1.0).unwrap()
 }
 
-fn shell(domain: &Domain, process: &str) -> Shell {
-    Shell::join(domain.membership_for(process, 0, "settings.toml".as_ref())).unwrap()
+fn ports(domain: &Domain, process: &str) -> Ports {
+    Ports::join(&domain.membership_for(process, 0, "settings.toml".as_ref())).unwrap()
 }
 
 fn grey(width: u32, height: u32) -> FrameLayout {
@@ -37,7 +37,7 @@ fn taken(reader: &mut FrameReader<CameraFrame>) -> Vec<(u64, u64, u8)> {
 #[test]
 fn pictures_of_every_kind_arrive_once_in_order_as_they_were_written() {
     let domain = domain();
-    let (mut source, mut sink) = (shell(&domain, "source"), shell(&domain, "sink"));
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
     assert!(!writer.is_read());
     let mut reader: FrameReader<CameraFrame> = sink.frame_reader().unwrap();
@@ -70,7 +70,7 @@ fn pictures_of_every_kind_arrive_once_in_order_as_they_were_written() {
 #[test]
 fn what_does_not_fit_is_refused_and_named() {
     let domain = domain();
-    let (mut source, mut sink) = (shell(&domain, "source"), shell(&domain, "sink"));
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
     let mut reader: FrameReader<CameraFrame> = sink.frame_reader().unwrap();
     let good = grey(160, 120);
@@ -132,7 +132,7 @@ fn memchr<'a>(bytes: &'a [u8], pattern: &'a [u8]) -> impl Iterator<Item = usize>
 #[test]
 fn a_bit_that_flips_in_shared_memory_is_noticed() {
     let domain = domain();
-    let (mut source, mut sink) = (shell(&domain, "source"), shell(&domain, "sink"));
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
     let mut reader: FrameReader<CameraFrame> = sink.frame_reader().unwrap();
     let picture = |seq: u8| -> Vec<u8> { [b"picture number ", &[seq; 4][..], &[seq; 237][..]].concat() };
@@ -152,7 +152,7 @@ fn a_bit_that_flips_in_shared_memory_is_noticed() {
 #[test]
 fn a_late_reader_gets_the_history_and_a_slow_one_the_newest() {
     let domain = domain();
-    let (mut source, mut sink) = (shell(&domain, "source"), shell(&domain, "sink"));
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
     let mut slow: FrameReader<CameraFrame> = sink.frame_reader().unwrap();
     let (history, buffer) = (CameraFrame::SERVICE.qos.history as u64, CameraFrame::SERVICE.qos.buffer as u64);
@@ -161,21 +161,21 @@ fn a_late_reader_gets_the_history_and_a_slow_one_the_newest() {
     }
     let running = RunningDomain::all().unwrap();
     let name = domain.directory().file_name().unwrap().to_str().unwrap();
-    let mut tool = Tool::join(running.iter().find(|found| found.name() == name).unwrap()).unwrap();
-    let mut late: FrameReader<CameraFrame> = tool.frame_reader().unwrap();
+    let mut observer = Ports::observe(running.iter().find(|found| found.name() == name).unwrap()).unwrap();
+    let mut late: FrameReader<CameraFrame> = observer.frame_reader().unwrap();
     late.skip_to(100 - history + 5, 0);
     writer.send(101, 101, grey(16, 16), &[101; 256]).unwrap();
     let numbers = |taken: Vec<(u64, u64, u8)>| taken.iter().map(|(seq, ..)| *seq).collect::<Vec<_>>();
     assert_eq!(numbers(taken(&mut late)), (100 - history + 6..=101).collect::<Vec<_>>());
     assert_eq!(numbers(taken(&mut slow)), (102 - buffer..=101).collect::<Vec<_>>());
-    drop((source, sink, writer, late, slow, tool));
+    drop((source, sink, writer, late, slow, observer));
     domain.close().unwrap();
 }
 
 #[test]
 fn pictures_take_the_memory_of_those_that_wait_and_no_more() {
     let domain = domain();
-    let (mut source, mut sink) = (shell(&domain, "source"), shell(&domain, "sink"));
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
     let mut reader: FrameReader<CameraFrame> = sink.frame_reader().unwrap();
     let blocks = || -> u64 {

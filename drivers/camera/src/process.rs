@@ -4,8 +4,9 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bus::{BusError, Checkpoint, Context, FrameWriter, Next, RunError, Shell, StepError};
+use bus::{BusError, FrameWriter};
 use messages::{CameraFrame, FrameLayout, PixelFormat};
+use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
 use rustix::time::{ClockId, clock_gettime};
 use settings::{BuiltIn, CameraFormat, Settings};
 
@@ -88,7 +89,7 @@ struct Process {
     speed: f64,
 }
 
-impl bus::Process for Process {
+impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more = self.take_pictures(context)?;
         if context.stopping() {

@@ -4,8 +4,9 @@ use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bus::{BusError, Context, Next, RunError, Shell, StepError, Writer};
+use bus::{BusError, Writer};
 use messages::SonarScan;
+use runtime::{Context, Next, RunError, Shell, StepError};
 use settings::{BuiltIn, Port as PortSetting, Settings};
 
 use crate::checkpoint::Checkpoint;
@@ -70,11 +71,11 @@ struct Process {
     /// Stamp of the last scan.
     stamp_ns: u64,
     scans: Writer<SonarScan>,
-    checkpoint: bus::Checkpoint,
+    checkpoint: runtime::Checkpoint,
     speed: f64,
 }
 
-impl bus::Process for Process {
+impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more = self.read(context)?;
         if context.stopping() {

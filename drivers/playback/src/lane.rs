@@ -1,8 +1,9 @@
 //! One stream on its way from the log to the bus.
 
-use bus::{BusError, FrameWriter, StepError, Writer};
+use bus::{BusError, FrameWriter, Writer};
 use drivelog::{Entry, Image, Log, LogError, Logged};
 use messages::Pictures;
+use runtime::StepError;
 
 use crate::answers::Answers;
 use crate::turn::Head;

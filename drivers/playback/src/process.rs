@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Checkpoint, Context, Next, Reader, Received, RunError, Shell, StepError};
+use bus::{BusError, Reader, Received};
 use drivelog::{Log, LogError};
 use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
+use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
 
 use crate::answers::{Answers, Consumer};
@@ -148,7 +149,7 @@ struct Playback {
     waits_for: Option<String>,
 }
 
-impl bus::Process for Playback {
+impl runtime::Process for Playback {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         self.listen()?;
         self.obey(context)?;

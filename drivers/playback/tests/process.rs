@@ -6,9 +6,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use bus::{Domain, FrameReader, Membership, Reader, Received, Shell, Writer};
+use bus::{Domain, FrameReader, Membership, Reader, Received, Writer};
 use drivelog::{Preamble, Recording};
 use messages::{CameraFrame, CameraMotion, FrameLayout, Payload, Pictures, PixelFormat, Pose, Progress, SonarScan, Text};
+use runtime::Shell;
 
 const SCANS: u64 = 40;
 const FRAMES: u64 = 70;

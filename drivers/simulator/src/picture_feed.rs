@@ -1,7 +1,8 @@
 //! What the robot's camera sees, on the bus in the drive's time, with the truth of every pixel.
 
-use bus::{BusError, FrameWriter, Shell};
+use bus::{BusError, FrameWriter};
 use messages::{CameraFrame, FrameLayout, PixelFormat, TruthMask};
+use runtime::Shell;
 use settings::Settings;
 
 use crate::camera::{Camera, Flaws, Picture};

@@ -4,8 +4,9 @@ use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::time::Duration;
 
-use bus::{BusError, Checkpoint, Context, Next, RunError, Shell, StepError, Writer};
+use bus::{BusError, Writer};
 use messages::{TruthScan, TruthSurfaces};
+use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
 use settings::{BuiltIn, Provides, Settings, SettingsError};
 
 use crate::body::Body;
@@ -157,7 +158,7 @@ struct Process {
     lost_bytes: u64,
 }
 
-impl bus::Process for Process {
+impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         self.answer_client()?;
         let next = if context.stopping() { Next::Finished } else { self.go_on(context.now_ns())? };

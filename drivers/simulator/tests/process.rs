@@ -7,9 +7,10 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::thread;
 
-use bus::{Domain, FrameReader, Reader, Received, Shell};
+use bus::{Domain, FrameReader, Reader, Received};
 use messages::{CameraFrame, FrameLayout, Pictures, PixelFormat, TruthMask, TruthScan, TruthSurfaces};
 use psos::{Command, Deframer, Sip, number};
+use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, poll};
 use settings::Settings;
 use stillmap_simulator::camera::{Camera, Flaws, Picture};

@@ -9,7 +9,7 @@
 //! To a process the contract is: the environment `STILLMAP_*` says where it belongs; SIGTERM asks it to finish what it holds;
 //! exit code 0 says that its work is done, 2 that its input cannot be used, [`bus::EXIT_BROKEN_DOMAIN`] that the shared
 //! memory is unusable; after any other end it is started again. A SIGTERM or SIGINT of anybody else ends a process with a
-//! [`bus::Shell`] at once, so that it is. What it writes to standard output and error becomes log lines under its name.
+//! [`runtime::Shell`] at once, so that it is. What it writes to standard output and error becomes log lines under its name.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod child;

@@ -12,8 +12,9 @@ use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{DeploymentClock, Domain, DomainError, Kept, Received, shared_memory_is_short};
+use bus::{DeploymentClock, Domain, DomainError, Received, shared_memory_is_short};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
+use runtime::{Kept, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{BuiltIn, Program, RoutedService, Settings};
@@ -59,6 +60,7 @@ struct Supervisor<'a> {
     started: Instant,
     stop_requests: UnixStream,
     domain: Domain,
+    state: RunState,
     /// Closed only while the domain is made anew.
     ports: Option<Ports>,
     /// No other deployment writes there meanwhile.
@@ -106,7 +108,7 @@ impl<'a> Supervisor<'a> {
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;
         let kept = options.state.as_deref().map(|folder| Kept { folder, made_with: &made_with, fresh: options.fresh });
-        let mut domain = Domain::open_with(settings.name.as_str(), options.speed, &routed, kept)?;
+        let (state, mut domain) = RunState::open(settings.name.as_str(), options.speed, &routed, kept)?;
         let prepared = Prepared::new(&mut domain, settings, &text);
         let Prepared { settings_path, clock, ports, out } = match prepared {
             Ok(prepared) => prepared,
@@ -115,7 +117,7 @@ impl<'a> Supervisor<'a> {
                 return Err(error);
             }
         };
-        if domain.goes_on() {
+        if state.goes_on() {
             tracing::info!("the last run goes on, with the map as it was; --fresh begins a new one");
         }
         let count = settings.process.len();
@@ -130,6 +132,7 @@ impl<'a> Supervisor<'a> {
             guard_checked: Duration::ZERO,
             deployment: Deployment::new(policy(&settings.supervisor), plans(settings), domain.run()),
             domain,
+            state,
             ports: Some(ports),
             _out: out,
             children: std::iter::repeat_with(|| None).take(count).collect(),
@@ -385,7 +388,7 @@ impl<'a> Supervisor<'a> {
         let due = now >= self.sampled + SAMPLE;
         if due {
             self.sampled = now;
-            if let Err(error) = self.domain.note_time() {
+            if let Err(error) = self.state.note_time(self.clock.now_ns()) {
                 tracing::debug!("{error}");
             }
             // A visitor is nobody's child: nothing else tells that it was killed.

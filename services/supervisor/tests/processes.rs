@@ -9,8 +9,9 @@
     reason = "tests fail by panicking and say what they do"
 )]
 
-use bus::{Context, Membership, Next, Process, Received, RunningDomain, Shell, StepError, Tool};
+use bus::{Membership, Received, RunningDomain};
 use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
+use runtime::{Context, Next, Process, Shell, StepError, Tool};
 use rustix::process::{Pid, Signal, kill_process};
 use settings::Settings;
 use std::io::{BufRead, BufReader};

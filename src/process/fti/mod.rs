@@ -4,10 +4,9 @@ mod missed;
 
 use std::time::{Duration, Instant};
 
-use bus::{
-    BusError, Checkpoint, Context, Next, PartKey, Parts, Process, Reader, Received, Recent, RunError, Saved, Shell, StepError, Writer,
-};
+use bus::{BusError, Reader, Received, Recent, Writer};
 use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
+use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Saved, Shell, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
 

@@ -4,9 +4,10 @@ mod relay;
 
 use ::injector::{Ballast, Counts, Deed, Harm, News, SignalError, Timetable, Victim, Wish, take_orders};
 use anyhow::Result;
-use bus::{Checkpoint, Context, Next, Process, Reader, Received, Shell, StepError};
+use bus::{Reader, Received};
 use messages::{DeploymentStatus, ProcessStatus};
 use relay::Relay;
+use runtime::{Checkpoint, Context, Next, Process, Shell, StepError};
 use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
 use std::convert::Infallible;
 use std::path::PathBuf;

@@ -1,8 +1,9 @@
 //! One routed service on the bus.
 
 use ::injector::{Cargo, Counts, Line, News};
-use bus::{BusError, Injection, Raw, Shell, Tap};
+use bus::{BusError, Injection, Raw, Tap};
 use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
+use runtime::Shell;
 use settings::{PlannedFault, RoutedService, StreamFault};
 
 /// Most messages taken in one round, so that the heartbeat is never late.

@@ -1,12 +1,13 @@
 //! Everything that is said on the bus, brought onto the tape.
 
 use ::recorder::Tape;
-use bus::{BusError, FrameReader, Reader, Received, Shell, StepError};
+use bus::{BusError, FrameReader, Reader, Received};
 use drivelog::{Logged, Recording, WriteError};
 use messages::{
     CameraFrame, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Pictures, Progress,
     SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
+use runtime::{Shell, StepError};
 
 /// Most messages taken from one input in one step: the heartbeat must not wait for a flood to end.
 const MOST_AT_ONCE: usize = 256;

@@ -5,11 +5,11 @@ mod inputs;
 
 use ::recorder::{LogFile, Tape};
 use anyhow::{Result, anyhow};
-use bus::{Checkpoint, Context, Next, Shell, StepError};
 use description::describe;
 use drivelog::Preamble;
 use inputs::Inputs;
 use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
+use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{Pace, Settings};
 use std::convert::Infallible;
 use std::io;
@@ -107,7 +107,7 @@ struct Recorder {
     trouble: Option<String>,
 }
 
-impl bus::Process for Recorder {
+impl runtime::Process for Recorder {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more_waits = self.take_inputs()?;
         let at_end = !more_waits && (context.stopping() || self.others_are_over);

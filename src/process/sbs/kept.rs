@@ -1,7 +1,8 @@
 //! What the process keeps between its incarnations.
 
-use bus::{Checkpoint, Recent};
+use bus::Recent;
 use messages::CameraMotion;
+use runtime::Checkpoint;
 
 use ::sbs::{CheckpointError, Settings, State};
 

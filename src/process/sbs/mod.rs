@@ -3,8 +3,9 @@
 mod kept;
 mod remarks;
 
-use bus::{BusError, Checkpoint, Context, FrameReader, FrameWriter, Next, Process, Received, RunError, Shell, StepError, Writer};
+use bus::{BusError, FrameReader, FrameWriter, Received, Writer};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
+use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use settings::{BuiltIn, Compensation, Freedom, Pace};
 
 use ::sbs::background::BackgroundRule;

@@ -2,11 +2,12 @@
 
 use ::viewer::foxglove::Feed;
 use ::viewer::{Board, Scene, Topic, camera};
-use bus::{BusError, Frame, FrameReader, Reader, Received, Shell};
+use bus::{BusError, Frame, FrameReader, Reader, Received};
 use messages::{
     CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapTile, Payload, Pictures, SonarMotion,
     SonarScan, TruthScan, TruthSurfaces, Walkers, WayChunk,
 };
+use runtime::Shell;
 use std::net::TcpStream;
 
 /// Most messages taken from one input in one round: the heartbeat must not wait for a flood to end.

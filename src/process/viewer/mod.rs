@@ -6,9 +6,10 @@ use ::viewer::access::Access;
 use ::viewer::foxglove::{Feed, Port};
 use ::viewer::{Board, Deployment, LISTEN_RETRY, Scene, Server, Status, Topic};
 use anyhow::Result;
-use bus::{BusError, Context, Next, Shell, StepError, Writer};
+use bus::{BusError, Writer};
 use inputs::{Inputs, Taken};
 use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessStatus};
+use runtime::{Context, Next, Shell, StepError};
 use settings::{BuiltIn, Settings};
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
@@ -90,7 +91,7 @@ struct Viewer {
     over_since: Option<Instant>,
 }
 
-impl bus::Process for Viewer {
+impl runtime::Process for Viewer {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let now = Instant::now();
         self.open(now);

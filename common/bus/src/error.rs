@@ -1,5 +1,9 @@
 //! What can go wrong on the bus, in one closed list.
 
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
 
@@ -89,4 +93,66 @@ impl BusError {
     pub fn is_broken_domain(&self) -> bool {
         matches!(self, Self::BrokenDomain { .. })
     }
+}
+
+/// A domain that could not be opened, joined or cleaned.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// The name cannot be one.
+    #[error("deployment name {name:?}: expected 1 to 40 of a-z, 0-9 and -")]
+    Name {
+        /// What was given.
+        name: String,
+    },
+    /// A supervisor holds it.
+    #[error("deployment {name} is already running (process {pid})")]
+    Running {
+        /// Its name.
+        name: String,
+        /// Process id of its supervisor, as it wrote it.
+        pid: String,
+    },
+    /// Nobody holds it.
+    #[error("deployment {name} is not running")]
+    NoDomain {
+        /// Its name.
+        name: String,
+    },
+    /// Processes of an earlier run are still alive in it.
+    #[error("processes of an earlier run of {name} are still alive after {waited:?}")]
+    StillInhabited {
+        /// Its name.
+        name: String,
+        /// How long it was waited for them.
+        waited: Duration,
+    },
+    /// The files of the bus would have longer names than the system takes.
+    #[error("the runtime folder {folder} is {found} bytes long, expected at most {most}: set STILLMAP_RUNTIME_DIR to a shorter one")]
+    LongFolder {
+        /// The folder of the domain.
+        folder: PathBuf,
+        /// Its length.
+        found: usize,
+        /// The longest that can be.
+        most: usize,
+    },
+    /// Too little shared memory.
+    #[error("/dev/shm has {free} bytes free, expected at least {needed}")]
+    SharedMemory {
+        /// Bytes free.
+        free: u64,
+        /// Bytes needed.
+        needed: u64,
+    },
+    /// The file system refuses.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it says.
+        source: io::Error,
+    },
+    /// The bus fails.
+    #[error("{0}")]
+    Bus(#[from] BusError),
 }

@@ -1,30 +1,13 @@
 //! The run loop around a process: wake-ups, heartbeat, progress, signals, a clean end.
 
-use std::cell::{Cell, RefCell};
-use std::fs::File;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use iceoryx2::port::listener::Listener;
-use iceoryx2::prelude::{FileDescriptorBased, ipc};
+use bus::{BusError, DomainError, FrameReader, FrameWriter, Injection, Membership, MembershipError, Ports, Reader, Received, Tap, Writer};
 use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::broken::BusError;
 use crate::checkpoint::{Checkpoint, Refusal};
-use crate::domain::{DomainError, join_members};
-use crate::fabric::{Channel, Fabric, Opened};
-use crate::frame_reader::FrameReader;
-use crate::frame_writer::FrameWriter;
-use crate::membership::{Membership, MembershipError};
-use crate::outlet::{Outlet, Refresh};
-use crate::paths::DomainPaths;
-use crate::raw::{Injection, Tap};
-use crate::reader::Reader;
 use crate::signals::Signals;
-use crate::stream::{Account, Received};
-use crate::writer::Writer;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
 const HEARTBEAT: Duration = Duration::from_millis(200);
@@ -106,14 +89,10 @@ impl core::fmt::Debug for RunError {
 /// The place of a process on the bus.
 pub struct Shell {
     membership: Membership,
-    fabric: Fabric,
     signals: Signals,
     heartbeats: Writer<Heartbeat>,
     progress: Writer<Progress>,
-    listeners: Vec<Rc<Listener<ipc::Service>>>,
-    writers: Vec<Rc<dyn Refresh>>,
-    inputs: Vec<Rc<RefCell<Account>>>,
-    sent: Rc<Cell<u64>>,
+    ports: Ports,
     report: Report,
     /// Why its checkpoint cannot be kept.
     refusal: Refusal,
@@ -121,7 +100,6 @@ pub struct Shell {
     needed_by: Vec<String>,
     /// It brings the world in: it has said all when it is asked to stop.
     is_source: bool,
-    _member: File,
 }
 
 #[derive(Debug, Default)]
@@ -147,30 +125,18 @@ impl Shell {
     /// # Errors
     /// When the domain is gone, broken, or of another version.
     pub fn join(membership: Membership) -> Result<Self, RunError> {
-        let signals = Signals::install(membership.supervisor)?;
-        let paths = DomainPaths::of_directory(membership.directory())
-            .ok_or_else(|| DomainError::NoDomain { name: membership.directory().display().to_string() })?;
-        let member = join_members(&paths)?;
-        let fabric = Fabric::join(&paths, membership.process())?;
-        let not_counted = Rc::new(Cell::new(0));
-        let heartbeats = Writer::new(fabric.open(Channel::Open)?, membership.run, not_counted.clone())?;
-        let progress = Writer::new(fabric.open(Channel::Open)?, membership.run, not_counted)?;
-        let writers = vec![heartbeats.refresh(), progress.refresh()];
+        let signals = Signals::install(membership.supervisor())?;
+        let mut ports = Ports::join(&membership)?;
         let mut shell = Self {
-            membership,
-            fabric,
             signals,
-            heartbeats,
-            progress,
-            listeners: Vec::new(),
-            writers,
-            inputs: Vec::new(),
-            sent: Rc::new(Cell::new(0)),
+            heartbeats: ports.uncounted_writer()?,
+            progress: ports.uncounted_writer()?,
+            ports,
             report: Report::default(),
             refusal: Refusal::default(),
             needed_by: Vec::new(),
             is_source: false,
-            _member: member,
+            membership,
         };
         shell.beat(Phase::Starting)?;
         Ok(shell)
@@ -189,10 +155,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.membership.run, Some(self.membership.clock()))?;
-        self.listeners.extend(reader.listener());
-        self.inputs.push(reader.account());
-        Ok(reader)
+        self.ports.reader()
     }
 
     /// Declares an output.
@@ -200,10 +163,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn writer<T: Payload>(&mut self) -> Result<Writer<T>, BusError> {
-        let channel = self.membership.channel_to(&T::SERVICE);
-        let writer = Writer::new(self.fabric.open(channel)?, self.membership.run, self.sent.clone())?;
-        self.writers.push(writer.refresh());
-        Ok(writer)
+        self.ports.writer()
     }
 
     /// Declares that this process takes what others send on a routed service.
@@ -211,9 +171,7 @@ impl Shell {
     /// # Errors
     /// When the service is not routed in this deployment, or cannot be used.
     pub fn tap<T: Payload>(&mut self) -> Result<Tap<T>, BusError> {
-        let tap = Tap::new(&self.fabric.open(Channel::Tapped)?)?;
-        self.listeners.extend(tap.listener());
-        Ok(tap)
+        self.ports.tap()
     }
 
     /// Declares that this process gives messages to the readers of a routed service.
@@ -221,11 +179,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn injection<T: Payload>(&mut self) -> Result<Injection<T>, BusError> {
-        let Opened { data, wake, .. } = self.fabric.open::<T>(Channel::Open)?;
-        let publisher = data.publisher_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        let injection = Injection::new(Outlet::new(T::SERVICE.name, publisher, data, wake, self.sent.clone())?);
-        self.writers.push(injection.refresh());
-        Ok(injection)
+        self.ports.injection()
     }
 
     /// Declares an input of pictures: they wake the process.
@@ -233,10 +187,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
-        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.membership.run, Some(self.membership.clock()))?;
-        self.listeners.extend(reader.listener());
-        self.inputs.push(reader.account());
-        Ok(reader)
+        self.ports.frame_reader()
     }
 
     /// Declares an output of pictures.
@@ -244,9 +195,7 @@ impl Shell {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn frame_writer<P: Pictures>(&mut self) -> Result<FrameWriter<P>, BusError> {
-        let writer = FrameWriter::new(self.fabric.open_pictures::<P>()?, self.membership.run, self.sent.clone())?;
-        self.writers.push(writer.refresh());
-        Ok(writer)
+        self.ports.frame_writer()
     }
 
     /// Has this process stay, once it has finished, until the processes of these names are over. They may die and then need again
@@ -286,7 +235,7 @@ impl Shell {
     /// # Errors
     /// When the system refuses to wait.
     pub fn wait_for_inputs(&self, patience: Duration) -> Result<(), RunError> {
-        self.writers.iter().for_each(|writer| writer.refresh());
+        self.ports.refresh();
         self.wait(&[], patience)
     }
 
@@ -308,7 +257,7 @@ impl Shell {
             }
             if beaten.elapsed() >= HEARTBEAT {
                 self.beat(Phase::Running)?;
-                self.writers.iter().for_each(|writer| writer.refresh());
+                self.ports.refresh();
                 beaten = Instant::now();
             }
             let until_beat = HEARTBEAT.saturating_sub(beaten.elapsed());
@@ -322,8 +271,8 @@ impl Shell {
         }
         self.stay()?;
         self.beat(Phase::Ending)?;
-        if self.sent.get() > 0 {
-            self.writers.iter().for_each(|writer| writer.refresh());
+        if self.ports.sent() > 0 {
+            self.ports.refresh();
             self.wait(&[], LINGER)?;
         }
         Ok(())
@@ -336,8 +285,7 @@ impl Shell {
         if self.needed_by.is_empty() || self.is_source != (asked > 0) {
             return Ok(());
         }
-        let mut statuses = Reader::<DeploymentStatus>::new(&self.fabric.open(Channel::Open)?, self.membership.run, None)?;
-        self.listeners.extend(statuses.listener());
+        let mut statuses = self.ports.uncounted_reader::<DeploymentStatus>()?;
         while self.signals.count() == asked {
             while let Some(received) = statuses.take()? {
                 let Received::Message(status) = received else { continue };
@@ -350,28 +298,15 @@ impl Shell {
             self.report.note = Text::new(&format!("has ended, stays for {}", self.needed_by.join(", ")));
             self.tell_progress()?;
             self.beat(Phase::Ending)?;
-            self.writers.iter().for_each(|writer| writer.refresh());
+            self.ports.refresh();
             self.wait(&[], HEARTBEAT)?;
         }
         Ok(())
     }
 
     fn wait(&self, descriptors: &[BorrowedFd<'_>], patience: Duration) -> Result<(), RunError> {
-        let mut polled = vec![PollFd::from_borrowed_fd(self.signals.as_fd(), PollFlags::IN)];
-        for listener in &self.listeners {
-            polled.push(PollFd::from_borrowed_fd(listener_descriptor(listener), PollFlags::IN));
-        }
-        for descriptor in descriptors {
-            polled.push(PollFd::from_borrowed_fd(*descriptor, PollFlags::IN));
-        }
-        match poll(&mut polled, Some(&timespec(patience))) {
-            Ok(_) | Err(rustix::io::Errno::INTR) => (),
-            Err(error) => return Err(RunError::Wait(error.into())),
-        }
-        for listener in &self.listeners {
-            drain(listener);
-        }
-        Ok(())
+        let others: Vec<BorrowedFd<'_>> = [self.signals.as_fd()].into_iter().chain(descriptors.iter().copied()).collect();
+        Ok(self.ports.wait(&others, patience)?)
     }
 
     /// Tells what is new, and whoever has just joined everything: the history of the service holds one answer, and a process may
@@ -379,8 +314,7 @@ impl Shell {
     fn tell_progress(&mut self) -> Result<(), BusError> {
         let joined = self.progress.joined();
         for answer in &mut self.report.answers {
-            let account = self.inputs.iter().map(|input| input.borrow()).find(|input| input.counters.service.as_str() == answer.service);
-            let seq = account.map_or(answer.seq, |input| input.answered(answer.seq));
+            let seq = self.ports.answered(answer.service, answer.seq);
             if answer.told == Some(seq) && !joined {
                 continue;
             }
@@ -394,7 +328,8 @@ impl Shell {
     }
 
     fn beat(&mut self, phase: Phase) -> Result<(), BusError> {
-        let (report, inputs, sent) = (&self.report, &self.inputs, self.sent.get());
+        let (report, inputs, sent) = (&self.report, self.ports.inputs(), self.ports.sent());
+        let inputs_count = inputs.len().min(MAX_INPUTS) as u32;
         let process = Text::new(self.membership.process());
         let stamp_ns = self.membership.clock().now_ns();
         let note = match &*self.refusal.borrow() {
@@ -407,12 +342,12 @@ impl Shell {
             heartbeat.progress = report.rounds;
             heartbeat.sent = sent;
             for (place, input) in heartbeat.inputs.iter_mut().zip(inputs) {
-                *place = input.borrow().counters;
+                *place = input;
             }
             for (place, counter) in heartbeat.counters.iter_mut().zip(&report.counters) {
                 *place = *counter;
             }
-            heartbeat.inputs_count = inputs.len().min(MAX_INPUTS) as u32;
+            heartbeat.inputs_count = inputs_count;
             heartbeat.counters_count = report.counters.len() as u32;
             heartbeat.pid = std::process::id();
             heartbeat.phase = phase as u32;
@@ -472,23 +407,4 @@ impl Context<'_> {
             None => answers.push(Answer { service: service.name, seq, told: None }),
         }
     }
-}
-
-/// The descriptor that becomes readable when the listener's service wakes its readers.
-pub(crate) fn listener_descriptor(listener: &Listener<ipc::Service>) -> BorrowedFd<'_> {
-    // SAFETY: the listener owns the descriptor and keeps it open as long as it lives, which the borrow outlasts not.
-    #[expect(unsafe_code, reason = "iceoryx2 hands out the raw number only")]
-    unsafe {
-        BorrowedFd::borrow_raw(listener.file_descriptor().native_handle())
-    }
-}
-
-pub(crate) fn drain(listener: &Listener<ipc::Service>) {
-    if let Err(error) = listener.try_wait(|_| ()) {
-        tracing::debug!("cannot drain a wake-up: {error:?}");
-    }
-}
-
-pub(crate) fn timespec(duration: Duration) -> Timespec {
-    Timespec { tv_sec: duration.as_secs().try_into().unwrap_or(i64::MAX), tv_nsec: duration.subsec_nanos().into() }
 }

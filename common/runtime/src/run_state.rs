@@ -7,13 +7,17 @@
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use bus::{Claim, Domain, DomainError, Run, make_private};
+
+use crate::aside::free_name;
 use crate::journal::read;
-use crate::paths::{free_name, ignore_missing, make_private, passing_state};
 
 /// The file of the note.
 const NOTE: &str = "run";
 /// What a note begins with.
 const MAGIC: &str = "stillmap run 1";
+/// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
+const UNNOTED_S: f64 = 3.0;
 
 /// Where checkpoints outlive the deployment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,7 +32,7 @@ pub struct Kept<'a> {
 
 /// The checkpoints of a run.
 #[derive(Debug)]
-pub(crate) struct State {
+pub struct RunState {
     folder: PathBuf,
     note: Note,
     outlives: bool,
@@ -48,15 +52,54 @@ struct Note {
     last_ns: u64,
 }
 
-impl State {
+impl RunState {
+    /// Opens the domain of this name with a clock that runs `speed` times faster than the wall; what is sent on the services named
+    /// in `routed` goes to the process that taps it. `kept` says where checkpoints outlive the deployment, if they do: the run that
+    /// was there last goes on then, under its own number and with a clock that is not behind it.
+    ///
+    /// # Errors
+    /// When a supervisor holds the domain, processes of an earlier run are alive, or memory or the file system refuse.
+    pub fn open(name: &str, speed: f64, routed: &[&str], kept: Option<Kept<'_>>) -> Result<(Self, Domain), DomainError> {
+        let claim = Claim::take(name, speed)?;
+        let new_run = claim.new_run();
+        let state = match kept {
+            None => Self::of_the_run(&new_run),
+            Some(kept) => {
+                Self::take_up(kept, name, new_run.number).map_err(|source| DomainError::Io { path: kept.folder.to_owned(), source })?
+            }
+        };
+        let unnoted_ns = (UNNOTED_S * claim.clock().speed() * 1e9) as u64;
+        let not_before_ns = state.note.last_ns.saturating_add(unnoted_ns);
+        let run = Run { number: state.note.run, start: state.note.start, state: state.folder.clone(), not_before_ns };
+        let domain = claim.open(run, routed)?;
+        if let Err(error) = state.note_time(domain.clock().now_ns()) {
+            tracing::warn!("{error}: the next start may go on with a clock that is behind");
+        }
+        Ok((state, domain))
+    }
+
+    /// Whether this is an earlier run that goes on.
+    #[must_use]
+    pub fn goes_on(&self) -> bool {
+        self.note.start > 0
+    }
+
+    /// Keeps how late it is in the deployment for the next start of the run; to be called every second or so.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn note_time(&self, now_ns: u64) -> Result<(), DomainError> {
+        self.write_note(now_ns).map_err(|source| DomainError::Io { path: self.folder.clone(), source })
+    }
+
     /// Checkpoints that go when the deployment does.
-    pub(crate) fn of_the_run(domain: &Path, run: u64) -> Self {
-        let note = Note { name: String::new(), made_with: 0, run, start: 0, last_ns: 0 };
-        Self { folder: passing_state(domain), note, outlives: false }
+    fn of_the_run(run: &Run) -> Self {
+        let note = Note { name: String::new(), made_with: 0, run: run.number, start: 0, last_ns: 0 };
+        Self { folder: run.state.clone(), note, outlives: false }
     }
 
     /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
-    pub(crate) fn take_up(kept: Kept<'_>, name: &str, new_run: u64) -> io::Result<Self> {
+    fn take_up(kept: Kept<'_>, name: &str, new_run: u64) -> io::Result<Self> {
         let folder = kept.folder.to_owned();
         let mut note =
             Note { name: name.to_owned(), made_with: crc32fast::hash(kept.made_with.as_bytes()), run: new_run, start: 0, last_ns: 0 };
@@ -74,7 +117,7 @@ impl State {
     }
 
     /// Notes how late it is, where the next start will look.
-    pub(crate) fn note(&self, now_ns: u64) -> io::Result<()> {
+    fn write_note(&self, now_ns: u64) -> io::Result<()> {
         if !self.outlives {
             return Ok(());
         }
@@ -86,24 +129,6 @@ impl State {
             file.sync_all()?;
         }
         std::fs::rename(&fresh, note)
-    }
-
-    pub(crate) fn folder(&self) -> &Path {
-        &self.folder
-    }
-
-    pub(crate) fn run(&self) -> u64 {
-        self.note.run
-    }
-
-    /// How many times the run was started before.
-    pub(crate) fn start(&self) -> u32 {
-        self.note.start
-    }
-
-    /// When the last note before this start was taken, ns; 0 in a new run.
-    pub(crate) fn last_ns(&self) -> u64 {
-        self.note.last_ns
     }
 }
 
@@ -117,7 +142,8 @@ fn usable(kept: Kept<'_>, expected: &Note) -> io::Result<Found> {
     let folder = kept.folder;
     let is_empty = match folder.read_dir() {
         Ok(mut entries) => entries.next().is_none(),
-        Err(error) => ignore_missing(Err(error)).map(|()| true)?,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => true,
+        Err(error) => return Err(error),
     };
     if is_empty {
         return Ok(Found::Nothing);
@@ -180,10 +206,10 @@ mod tests {
     use super::*;
     use crate::checkpoint::tests::checkpoint;
 
-    fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> State {
-        let state = State::take_up(Kept { folder, made_with, fresh }, name, run).expect("taken up");
-        state.note(1_000 * (run + 1)).expect("noted");
-        checkpoint(folder, state.run(), state.start()).keep(b"map");
+    fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> RunState {
+        let state = RunState::take_up(Kept { folder, made_with, fresh }, name, run).expect("taken up");
+        state.write_note(1_000 * (run + 1)).expect("noted");
+        checkpoint(folder, state.note.run, state.note.start).keep(b"map");
         state
     }
 
@@ -192,7 +218,7 @@ mod tests {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let starts = [7, 8, 9].map(|run| begin(&folder, "robot", "cells of 0.1 m", false, run));
-        let found = starts.each_ref().map(|state| (state.run(), state.start(), state.last_ns()));
+        let found = starts.each_ref().map(|state| (state.note.run, state.note.start, state.note.last_ns));
         assert_eq!(found, [(7, 0, 0), (7, 1, 8_000), (7, 2, 9_000)]);
         assert_eq!(out.path().read_dir().expect("readable").count(), 1, "nothing is put aside");
     }
@@ -215,7 +241,7 @@ mod tests {
                 begin(&folder, "robot", "cells of 0.1 m", true, 7);
                 deed(&folder);
                 let new = begin(&folder, name, made_with, fresh, 8);
-                assert_eq!((new.run(), new.start(), new.last_ns()), (8, 0, 0), "case {at}");
+                assert_eq!((new.note.run, new.note.start, new.note.last_ns), (8, 0, 0), "case {at}");
                 assert!(out.path().join(format!("state-{times}/mapping.checkpoint")).exists(), "case {at}: what was there is kept");
                 std::fs::remove_dir_all(&folder).expect("removed");
             }

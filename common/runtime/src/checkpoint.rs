@@ -8,9 +8,10 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use bus::{Membership, make_private};
+
+use crate::aside::free_name;
 use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
-use crate::membership::Membership;
-use crate::paths::{free_name, make_private, passing_state};
 
 /// A checkpoint in parts is appended to until it is this much longer than twice what it was when it was written whole.
 const APPENDED: u64 = 64 * 1024;
@@ -70,19 +71,24 @@ pub trait Parts {
 impl Checkpoint {
     /// The checkpoint of a process in the folder of checkpoints of its run.
     pub(crate) fn of(membership: &Membership, refusal: Refusal) -> Self {
-        let Membership { directory, state, .. } = membership;
         let passing = Self::passing(membership, refusal);
-        match *state == passing_state(directory) {
+        match membership.state() == membership.volatile_state() {
             true => passing,
-            false => Self { path: file(state, membership), spare: Some(passing.path), ..passing },
+            false => Self { path: file(membership.state(), membership), spare: Some(passing.path), ..passing },
         }
     }
 
     /// The checkpoint of a process in the folder that goes with the deployment.
     pub(crate) fn passing(membership: &Membership, refusal: Refusal) -> Self {
-        let Membership { directory, run, start, incarnation, .. } = membership;
-        let path = file(&passing_state(directory), membership);
-        Self { path, spare: None, run: *run, start: *start, incarnation: *incarnation, journal: None, refusal }
+        Self {
+            path: file(&membership.volatile_state(), membership),
+            spare: None,
+            run: membership.run(),
+            start: membership.start(),
+            incarnation: membership.incarnation(),
+            journal: None,
+            refusal,
+        }
     }
 
     /// What `restore` makes of what an earlier incarnation kept. `None` where there is nothing, or nothing that can be used: that
@@ -275,23 +281,12 @@ pub(crate) mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::clock::DeploymentClock;
 
     /// The checkpoint of a process that has been killed once, in a run that has been started `start` times before.
     pub(crate) fn checkpoint(state: &Path, run: u64, start: u32) -> Checkpoint {
-        let membership = Membership {
-            directory: state.with_extension("domain"),
-            process: "mapping".to_owned(),
-            run,
-            incarnation: 1,
-            clock: DeploymentClock::from_parts(0, 0, 1.0),
-            settings_path: PathBuf::new(),
-            routed: Vec::new(),
-            state: state.to_owned(),
-            start,
-            supervisor: std::process::id(),
-        };
-        Checkpoint::of(&membership, Refusal::default())
+        let file = |folder: &Path| folder.join("mapping.checkpoint");
+        let spare = Some(file(&state.with_extension("domain").join("state")));
+        Checkpoint { path: file(state), spare, run, start, incarnation: 1, journal: None, refusal: Refusal::default() }
     }
 
     type Kept = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);

@@ -1,0 +1,74 @@
+//! The locks of a domain: one that its supervisor holds alone, and one that its processes share.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use rustix::fs::{FlockOperation, flock};
+
+use crate::error::DomainError;
+use crate::paths::DomainPaths;
+use crate::wait::wait_readable;
+
+/// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
+const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+
+/// Says that this process lives in the domain, as long as the file is held.
+pub(crate) fn join_members(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.members.clone(), source };
+    if !paths.directory.is_dir() {
+        return Err(DomainError::NoDomain { name: paths.name.clone() });
+    }
+    let file = open_lock_file(&paths.members).map_err(io)?;
+    flock(&file, FlockOperation::LockShared).map_err(|error| io(error.into()))?;
+    Ok(file)
+}
+
+pub(crate) fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.lock.clone(), source };
+    let started = Instant::now();
+    loop {
+        let mut lock = open_lock_file(&paths.lock).map_err(io)?;
+        let taken = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
+        if taken && is_current(&lock, &paths.lock) {
+            return Ok(lock);
+        }
+        if started.elapsed() > LOCK_PATIENCE / 5 && !taken {
+            let mut pid = String::new();
+            lock.read_to_string(&mut pid).map_err(io)?;
+            let pid = pid.split(' ').next().unwrap_or_default().to_owned();
+            return Err(DomainError::Running { name: paths.name.clone(), pid });
+        }
+        pause();
+    }
+}
+
+pub(crate) fn wait_until_deserted(paths: &DomainPaths) -> Result<File, DomainError> {
+    let io = |source| DomainError::Io { path: paths.members.clone(), source };
+    let members = open_lock_file(&paths.members).map_err(io)?;
+    let started = Instant::now();
+    while flock(&members, FlockOperation::NonBlockingLockExclusive).is_err() {
+        if started.elapsed() > LOCK_PATIENCE {
+            return Err(DomainError::StillInhabited { name: paths.name.clone(), waited: LOCK_PATIENCE });
+        }
+        pause();
+    }
+    Ok(members)
+}
+
+/// The kernel has no way to wait for a file lock with a limit.
+fn pause() {
+    let _ = wait_readable([], Duration::from_millis(5));
+}
+
+pub(crate) fn open_lock_file(path: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
+}
+
+/// Whether the file behind the path is still the one that was opened, and locked.
+pub(crate) fn is_current(file: &File, path: &Path) -> bool {
+    let identity = |found: io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
+    identity(file.metadata()) == identity(std::fs::metadata(path))
+}
