@@ -1,18 +1,10 @@
 //! `camera/…` and `truth/mask`: pictures, as bytes behind a header.
 
 use crate::layout::plain;
-use crate::{Header, Invalid, Qos, Service};
+use crate::{Header, Invalid};
 
 /// Largest picture on the bus: 640 × 480 in three bytes a pixel.
 pub const MAX_FRAME_BYTES: usize = 640 * 480 * 3;
-
-/// A service that carries pictures: a slice of bytes under a [`FrameHeader`].
-pub trait Pictures: core::fmt::Debug + 'static {
-    /// The service.
-    const SERVICE: Service;
-    /// Largest picture on it, bytes.
-    const MAX_BYTES: usize;
-}
 
 /// `camera/frame`: what the camera sees. Memory is what limits its history: at 640 × 480 in RGB the buffer is 37 MB.
 #[derive(Debug)]
@@ -31,37 +23,6 @@ pub enum CameraBackground {}
 /// benchmark: 0 what stands still, 50 shadow of a walker, 170 edge of a walker, 255 a walker.
 #[derive(Debug)]
 pub enum TruthMask {}
-
-impl Pictures for CameraFrame {
-    const SERVICE: Service = Service {
-        name: "camera/frame",
-        version: 1,
-        qos: Qos { history: 24, buffer: 40, publishers: 3, subscribers: 8 },
-        wakes: true,
-        sequenced: true,
-    };
-    const MAX_BYTES: usize = MAX_FRAME_BYTES;
-}
-
-impl Pictures for CameraMask {
-    const SERVICE: Service = grey("camera/mask", Qos { history: 1, buffer: 8, publishers: 3, subscribers: 8 });
-    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
-}
-
-impl Pictures for CameraBackground {
-    const SERVICE: Service = grey("camera/background", Qos { history: 1, buffer: 8, publishers: 3, subscribers: 8 });
-    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
-}
-
-impl Pictures for TruthMask {
-    const SERVICE: Service = grey("truth/mask", CameraFrame::SERVICE.qos);
-    const MAX_BYTES: usize = MAX_FRAME_BYTES / 3;
-}
-
-/// A stream of pictures with one byte a pixel.
-const fn grey(name: &'static str, qos: Qos) -> Service {
-    Service { name, version: 1, qos, wakes: true, sequenced: true }
-}
 
 /// How a pixel is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

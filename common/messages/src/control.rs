@@ -1,8 +1,8 @@
 //! `control/playback`: what a person who watches a replay asks of it.
 
+use crate::Invalid;
 use crate::layout::plain;
 use crate::service::{at_most, within};
-use crate::{Invalid, Payload, Qos, Service};
 
 plain! {
     /// How playback is to go on. The newest holds.
@@ -27,10 +27,8 @@ impl PlaybackControl {
     pub const PERCENT: &'static str = "percent of the drive's pace";
 }
 
-impl Payload for PlaybackControl {
-    const SERVICE: Service = Service { name: "control/playback", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl PlaybackControl {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         within("speed", self.speed, Self::SLOWEST, Self::FASTEST, "0.1 to 100")?;
         at_most("paused", self.paused, 1, "0 or 1")
     }

@@ -2,7 +2,7 @@
 
 use crate::layout::plain;
 use crate::service::{at_most, within};
-use crate::{Invalid, Payload, Qos, Service, Text};
+use crate::{Invalid, Text};
 
 /// Most input streams that a heartbeat tells of.
 pub const MAX_INPUTS: usize = 8;
@@ -234,42 +234,28 @@ impl DeploymentStatus {
     }
 }
 
-impl Payload for Heartbeat {
-    const SERVICE: Service = Service { name: "health/heartbeat", version: 2, qos: Qos::REPORTS, wakes: false, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl Heartbeat {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("inputs_count", self.inputs_count, MAX_INPUTS, "at most 8")?;
         at_most("counters_count", self.counters_count, MAX_COUNTERS, "at most 16")?;
         at_most("phase", self.phase, 2, "0 to 2")
     }
 }
 
-impl Payload for Progress {
-    const SERVICE: Service = Service { name: "health/progress", version: 1, qos: Qos::REPORTS, wakes: true, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl Progress {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         Ok(())
     }
 }
 
-impl Payload for LogLine {
-    const SERVICE: Service = Service {
-        name: "health/log",
-        version: 1,
-        qos: Qos { history: 64, buffer: 256, publishers: 3, subscribers: 12 },
-        wakes: true,
-        sequenced: false,
-    };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl LogLine {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         within("level", f64::from(self.level), 1.0, 4.0, "1 to 4")
     }
 }
 
-impl Payload for DeploymentStatus {
-    const SERVICE: Service = Service { name: "health/status", version: 2, qos: Qos::NEWEST, wakes: true, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl DeploymentStatus {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_PROCESSES, "at most 24")?;
         at_most("ending", self.ending, 1, "0 or 1")?;
         for process in &self.processes[..self.count as usize] {

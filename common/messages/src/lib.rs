@@ -10,19 +10,22 @@
 
 mod camera;
 mod control;
+mod delivery;
 mod header;
 mod health;
 mod layout;
 mod map;
 mod motion;
 mod name;
+mod registry;
 mod scan;
 mod service;
 mod truth;
 mod verdict;
 
-pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, Pictures, PixelFormat, TruthMask};
+pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat, TruthMask};
 pub use control::PlaybackControl;
+pub use delivery::{Qos, Replay};
 pub use header::{Header, Kind};
 pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,
@@ -32,8 +35,9 @@ pub use layout::Layout;
 pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, WayChunk};
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
 pub use name::Text;
+pub use registry::{SERVICES, visit_services};
 pub use scan::{MAX_READINGS, Pose, SonarReading, SonarScan};
-pub use service::{Invalid, Payload, Qos, Service};
+pub use service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};
 pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, MAX_TRUE_WALKERS, Surface, TrueReading, TruthScan, TruthSurfaces};
 pub use verdict::{
     FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, MAX_TRACKED_WALKERS, OutlookScan, TrackedWalker, UpdateRegion,

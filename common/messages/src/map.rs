@@ -1,8 +1,8 @@
 //! `map/tile`, `map/way` and `map/summary`: the map as its owner publishes it.
 
+use crate::Invalid;
 use crate::layout::plain;
 use crate::service::{at_most, within};
-use crate::{Invalid, Payload, Qos, Service};
 
 /// Cells along one edge of a tile.
 pub const TILE_EDGE: usize = 32;
@@ -85,16 +85,8 @@ plain! {
     }
 }
 
-impl Payload for MapTile {
-    const SERVICE: Service = Service {
-        name: "map/tile",
-        version: 1,
-        qos: Qos { history: 0, buffer: 512, publishers: 3, subscribers: 12 },
-        wakes: true,
-        sequenced: false,
-    };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl MapTile {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         within("cell_m", self.cell_m, 0.005, 1.0, "0.005 to 1 m")?;
         at_most("layer", self.layer, 1, "0 or 1")?;
         within("column", f64::from(self.column), -1e7, 1e7, "a tile within reach")?;
@@ -106,16 +98,8 @@ impl Payload for MapTile {
     }
 }
 
-impl Payload for WayChunk {
-    const SERVICE: Service = Service {
-        name: "map/way",
-        version: 1,
-        qos: Qos { history: 0, buffer: 64, publishers: 3, subscribers: 12 },
-        wakes: true,
-        sequenced: false,
-    };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl WayChunk {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_WAY_POINTS, "at most 256")?;
         for point in &self.points_m[..self.count as usize] {
             within("points_m", f64::from(point[0]), -1e6, 1e6, "at most 1000 km from the origin")?;
@@ -125,10 +109,8 @@ impl Payload for WayChunk {
     }
 }
 
-impl Payload for MapSummary {
-    const SERVICE: Service = Service { name: "map/summary", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl MapSummary {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         within("way_m", self.way_m, 0.0, 1e9, "a length")
     }
 }

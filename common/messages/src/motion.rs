@@ -2,7 +2,7 @@
 
 use crate::layout::plain;
 use crate::service::{at_most, finite, within};
-use crate::{Invalid, MAX_READINGS, Payload, Qos, Service};
+use crate::{Invalid, MAX_READINGS};
 
 /// Most moving classes in one answer.
 pub const MAX_MOVERS: usize = 16;
@@ -127,10 +127,8 @@ impl CameraMotion {
     }
 }
 
-impl Payload for SonarMotion {
-    const SERVICE: Service = Service { name: "motion/sonar", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl SonarMotion {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_MOVERS, "at most 16")?;
         at_most("truncated", self.truncated, 1, "0 or 1")?;
         for mover in self.movers() {
@@ -145,10 +143,8 @@ impl Payload for SonarMotion {
     }
 }
 
-impl Payload for CameraMotion {
-    const SERVICE: Service = Service { name: "motion/camera", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl CameraMotion {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_BLOBS, "at most 16")?;
         at_most("status", self.status, 3, "0 to 3")?;
         at_most("width", self.width, 640, "at most 640")?;

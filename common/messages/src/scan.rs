@@ -1,8 +1,8 @@
 //! `robot/scan`: the new sonar readings of one status packet.
 
+use crate::Invalid;
 use crate::layout::plain;
 use crate::service::{at_most, finite, within};
-use crate::{Invalid, Payload, Qos, Service};
 
 /// Most readings in one scan.
 pub const MAX_READINGS: usize = 16;
@@ -96,10 +96,8 @@ impl SonarScan {
     }
 }
 
-impl Payload for SonarScan {
-    const SERVICE: Service = Service { name: "robot/scan", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl SonarScan {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         self.pose.validate()?;
         at_most("count", self.count, MAX_READINGS, "at most 16")?;
         at_most("after_gap", self.after_gap, 1, "0 or 1")?;

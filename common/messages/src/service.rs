@@ -1,50 +1,66 @@
-//! Names, versions and quality of service, and the trait that binds them to a payload.
+//! What a service on the bus is, and the traits that bind it to what it carries.
 
 use crate::Layout;
+use crate::delivery::{Qos, Replay};
 
-/// How many messages a service keeps and how many processes may use it.
+/// A service on the bus: what it is called, how it delivers, and what the tools do with it.
 ///
-/// Every count holds at least two spare places: tools join a running deployment, and a killed process leaves its place
-/// taken until the supervisor has cleaned up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Qos {
-    /// Messages that a late or restarted subscriber still receives.
-    pub history: usize,
-    /// Messages that wait for a subscriber before the oldest is dropped.
-    pub buffer: usize,
-    /// Most processes that publish at once.
-    pub publishers: usize,
-    /// Most processes that subscribe at once.
-    pub subscribers: usize,
-}
-
-impl Qos {
-    /// One producer; nothing may be lost: history for a restart, and a buffer above history and lockstep window together.
-    pub const STREAM: Qos = Qos { history: 512, buffer: 1024, publishers: 3, subscribers: 12 };
-    /// One producer; the newest value matters, a reader that is late sees the last few.
-    pub const NEWEST: Qos = Qos { history: 1, buffer: 4, publishers: 3, subscribers: 12 };
-    /// Every process publishes a few values a second.
-    pub const REPORTS: Qos = Qos { history: 1, buffer: 16, publishers: 32, subscribers: 12 };
-}
-
-/// A service on the bus: what it is called and how it delivers.
+/// All of them are declared in the registry, `registry.rs`.
+///
+/// ```
+/// use stillmap_messages::{Payload, SonarScan};
+///
+/// let service = SonarScan::SERVICE;
+/// assert_eq!((service.name, service.version), ("robot/scan", 1));
+/// assert!(service.sequenced && service.injectable);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Service {
     /// Name on the bus, for example `robot/scan`.
     pub name: &'static str,
-    /// Version of the payload's meaning; part of the type name on the bus, so that versions never meet.
+    /// Version of the payload's meaning; part of the contract of the service, so that two versions never meet.
     pub version: u32,
-    /// How it delivers.
+    /// What it carries, in one or two sentences.
+    pub doc: &'static str,
+    /// How many messages it keeps and how many processes may use it.
     pub qos: Qos,
     /// Whether a send wakes the readers; without it a reader looks when it has its own reason to.
     pub wakes: bool,
-    /// Whether a reader follows one numbered stream: drops what it has had, counts what is missing, refuses stamps that run
-    /// backwards. Otherwise every message stands for itself (several senders, or newest wins).
+    /// Whether a reader follows one numbered stream: drops what it has already received, counts what is missing, refuses stamps
+    /// that run backwards. Otherwise every message stands for itself (several senders, or the newest wins).
     pub sequenced: bool,
+    /// Whether and how the recorder writes it to the log.
+    pub recorded: Recorded,
+    /// How playback sends it from a log; None where it is not played.
+    pub replay: Option<Replay>,
+    /// Whether it can go through the injector, which loses, delays and damages messages on purpose.
+    pub injectable: bool,
+    /// Whether the viewer offers it to Foxglove as a channel.
+    pub shown: bool,
+}
+
+/// Whether and how the recorder writes a service to the log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recorded {
+    /// Not at all.
+    No,
+    /// At its stamp, which is sensor time.
+    AtStamp,
+    /// Among the sensor messages that came before it: it is about the deployment, and its stamp is none or that of the wall clock.
+    AsReport,
 }
 
 /// What travels on a service.
-pub trait Payload: bytemuck::Pod + Layout + core::fmt::Debug {
+///
+/// Implemented by the registry for each of its entries, and by nothing else.
+///
+/// ```
+/// use stillmap_messages::{Payload, PlaybackControl};
+///
+/// let control = PlaybackControl { speed: 1000.0, ..PlaybackControl::default() };
+/// assert_eq!(control.validate().unwrap_err().to_string(), "speed is 1000, expected 0.1 to 100");
+/// ```
+pub trait Payload: bytemuck::Pod + Layout + Default + core::fmt::Debug {
     /// The service that carries this payload.
     const SERVICE: Service;
 
@@ -55,7 +71,39 @@ pub trait Payload: bytemuck::Pod + Layout + core::fmt::Debug {
     fn validate(&self) -> Result<(), Invalid>;
 }
 
-/// A payload whose numbers cannot be meant.
+/// A service that carries pictures: a slice of bytes under a [`FrameHeader`](crate::FrameHeader).
+///
+/// ```
+/// use stillmap_messages::{CameraFrame, MAX_FRAME_BYTES, Pictures};
+///
+/// assert_eq!((CameraFrame::SERVICE.name, CameraFrame::MAX_BYTES), ("camera/frame", MAX_FRAME_BYTES));
+/// ```
+pub trait Pictures: core::fmt::Debug + 'static {
+    /// The service.
+    const SERVICE: Service;
+    /// Largest picture on it, bytes.
+    const MAX_BYTES: usize;
+}
+
+/// Work to be done for every service of the registry: see [`visit_services`](crate::visit_services).
+pub trait ServiceVisitor {
+    /// What ends the visit.
+    type Error;
+
+    /// A service that carries messages.
+    ///
+    /// # Errors
+    /// Whatever ends the visit.
+    fn message<T: Payload>(&mut self) -> Result<(), Self::Error>;
+
+    /// A service that carries pictures.
+    ///
+    /// # Errors
+    /// Whatever ends the visit.
+    fn pictures<P: Pictures>(&mut self) -> Result<(), Self::Error>;
+}
+
+/// A payload with a number that is out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{field} is {found}, expected {expected}")]
 pub struct Invalid {
@@ -63,7 +111,7 @@ pub struct Invalid {
     pub field: &'static str,
     /// Its value.
     pub found: f64,
-    /// What it may be.
+    /// The values that are allowed.
     pub expected: &'static str,
 }
 

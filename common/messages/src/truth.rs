@@ -2,7 +2,7 @@
 
 use crate::layout::plain;
 use crate::service::{at_most, within};
-use crate::{Invalid, MAX_READINGS, Payload, Pose, Qos, Service};
+use crate::{Invalid, MAX_READINGS, Pose};
 
 /// Most surfaces in one piece of the world.
 pub const MAX_SURFACES_PER_CHUNK: usize = 64;
@@ -82,10 +82,8 @@ plain! {
     }
 }
 
-impl Payload for TruthScan {
-    const SERVICE: Service = Service { name: "truth/scan", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl TruthScan {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         self.pose.validate()?;
         self.odometry.validate()?;
         at_most("count", self.count, MAX_READINGS, "at most 16")?;
@@ -98,16 +96,8 @@ impl Payload for TruthScan {
     }
 }
 
-impl Payload for TruthSurfaces {
-    const SERVICE: Service = Service {
-        name: "truth/surfaces",
-        version: 1,
-        qos: Qos { history: 32, buffer: 64, publishers: 3, subscribers: 8 },
-        wakes: true,
-        sequenced: false,
-    };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl TruthSurfaces {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         self.start.validate()?;
         at_most("count", self.count, MAX_SURFACES_PER_CHUNK, "at most 64")?;
         for surface in &self.surfaces[..self.count as usize] {

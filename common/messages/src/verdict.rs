@@ -2,7 +2,7 @@
 
 use crate::layout::plain;
 use crate::service::{at_most, within};
-use crate::{Invalid, MAX_READINGS, Payload, Qos, Service};
+use crate::{Invalid, MAX_READINGS};
 
 /// Most update regions in one verdict.
 pub const MAX_REGIONS: usize = 8;
@@ -138,10 +138,8 @@ impl UpdateRegion {
     }
 }
 
-impl Payload for FilterVerdict {
-    const SERVICE: Service = Service { name: "map/verdict", version: 2, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl FilterVerdict {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_REGIONS, "at most 8")?;
         at_most("withheld", self.withheld, (1 << MAX_READINGS) - 1, "a bit for each of 16 readings")?;
         at_most("inputs", self.inputs, 3, "0 to 3")?;
@@ -153,10 +151,8 @@ impl Payload for FilterVerdict {
     }
 }
 
-impl Payload for VerdictOutlook {
-    const SERVICE: Service = Service { name: "map/outlook", version: 1, qos: Qos::NEWEST, wakes: true, sequenced: false };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl VerdictOutlook {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_OUTLOOK_SCANS, "at most 128")?;
         for scan in self.scans() {
             at_most("scans.withheld", scan.withheld, (1 << MAX_READINGS) - 1, "a bit for each of 16 readings")?;
@@ -165,10 +161,8 @@ impl Payload for VerdictOutlook {
     }
 }
 
-impl Payload for Walkers {
-    const SERVICE: Service = Service { name: "motion/walkers", version: 1, qos: Qos::STREAM, wakes: true, sequenced: true };
-
-    fn validate(&self) -> Result<(), Invalid> {
+impl Walkers {
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_TRACKED_WALKERS, "at most 16")?;
         for walker in self.walkers() {
             within("walkers.x_m", walker.x_m, -1e6, 1e6, "at most 1000 km from the origin")?;
