@@ -5,11 +5,7 @@ use std::io::Write;
 use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 
-use messages::{
-    CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
-    Payload, Pictures, PlaybackControl, Progress, Service, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook,
-    Walkers, WayChunk,
-};
+use messages::{Payload, Pictures, ServiceVisitor, visit_services};
 use rustix::fs::{FlockOperation, flock};
 
 use crate::clock::DeploymentClock;
@@ -26,8 +22,8 @@ use crate::writer::Writer;
 /// The names of iceoryx2's sockets, which begin with the folder of the domain, may have 107 bytes.
 const LONGEST_FOLDER: usize = 48;
 
-/// A service, and what keeps it in being.
-type Held = (Service, Box<dyn std::any::Any>);
+/// What keeps a service in being.
+type Held = Box<dyn std::any::Any>;
 
 /// Which run a domain is for, and where its checkpoints are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -145,30 +141,10 @@ impl Domain {
         make_private(&self.paths.directory).map_err(io)?;
         make_private(&self.paths.root()).map_err(io)?;
         let fabric = Fabric::join(&self.paths, "supervisor")?;
-        let mut services: Vec<Held> = Vec::new();
-        let routed = &self.routed;
-        hold::<SonarScan>(&fabric, routed, &mut services)?;
-        hold::<SonarMotion>(&fabric, routed, &mut services)?;
-        hold::<CameraMotion>(&fabric, routed, &mut services)?;
-        hold::<FilterVerdict>(&fabric, routed, &mut services)?;
-        hold::<VerdictOutlook>(&fabric, routed, &mut services)?;
-        hold::<Walkers>(&fabric, routed, &mut services)?;
-        hold::<MapTile>(&fabric, routed, &mut services)?;
-        hold::<WayChunk>(&fabric, routed, &mut services)?;
-        hold::<MapSummary>(&fabric, routed, &mut services)?;
-        hold::<Heartbeat>(&fabric, routed, &mut services)?;
-        hold::<Progress>(&fabric, routed, &mut services)?;
-        hold::<DeploymentStatus>(&fabric, routed, &mut services)?;
-        hold::<LogLine>(&fabric, routed, &mut services)?;
-        hold::<PlaybackControl>(&fabric, routed, &mut services)?;
-        hold::<TruthScan>(&fabric, routed, &mut services)?;
-        hold::<TruthSurfaces>(&fabric, routed, &mut services)?;
-        hold_pictures::<CameraFrame>(&fabric, &mut services)?;
-        hold_pictures::<CameraMask>(&fabric, &mut services)?;
-        hold_pictures::<CameraBackground>(&fabric, &mut services)?;
-        hold_pictures::<TruthMask>(&fabric, &mut services)?;
+        let mut creation = Creation { fabric: &fabric, routed: &self.routed, services: Vec::new() };
+        visit_services(&mut creation)?;
+        self.services = creation.services;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
-        self.services = services;
         self.ports = Some(Ports::new(fabric, self.run.number, None));
         Ok(())
     }
@@ -224,12 +200,6 @@ impl Domain {
         self.ports()?.uncounted_writer()
     }
 
-    /// Whether what is sent on the service of this name is a numbered stream, of which every message counts.
-    #[must_use]
-    pub fn is_sequenced(&self, service: &str) -> bool {
-        self.services.iter().any(|(held, _)| held.name == service && held.sequenced)
-    }
-
     /// Descriptors that become readable when a message waits on an input of the supervisor.
     #[must_use]
     pub fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
@@ -269,17 +239,28 @@ impl Domain {
     }
 }
 
-fn hold<T: Payload>(fabric: &Fabric, routed: &[String], services: &mut Vec<Held>) -> Result<(), BusError> {
-    services.push((T::SERVICE, Box::new(fabric.create::<T>(Channel::Open)?)));
-    if routed.iter().any(|name| name == T::SERVICE.name) {
-        services.push((T::SERVICE, Box::new(fabric.create::<T>(Channel::Tapped)?)));
-    }
-    Ok(())
+/// Creates every service of the registry.
+struct Creation<'a> {
+    fabric: &'a Fabric,
+    routed: &'a [String],
+    services: Vec<Held>,
 }
 
-fn hold_pictures<P: Pictures>(fabric: &Fabric, services: &mut Vec<Held>) -> Result<(), BusError> {
-    services.push((P::SERVICE, Box::new(fabric.create_pictures::<P>()?)));
-    Ok(())
+impl ServiceVisitor for Creation<'_> {
+    type Error = BusError;
+
+    fn message<T: Payload>(&mut self) -> Result<(), BusError> {
+        self.services.push(Box::new(self.fabric.create::<T>(Channel::Open)?));
+        if self.routed.iter().any(|name| name == T::SERVICE.name) {
+            self.services.push(Box::new(self.fabric.create::<T>(Channel::Tapped)?));
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), BusError> {
+        self.services.push(Box::new(self.fabric.create_pictures::<P>()?));
+        Ok(())
+    }
 }
 
 /// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone. Where the

@@ -47,7 +47,7 @@ pub struct RefusedFrame {
 impl<P: Pictures> FrameReader<P> {
     pub(crate) fn new(opened: &Opened<PicturePubSub>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
         let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(P::SERVICE.name, error))?;
-        let stream = Stream::new(P::SERVICE, run, clock);
+        let stream = Stream::new(&P::SERVICE, run, clock);
         Ok(Self { subscriber, listener: listener(opened)?, stream, refused: None, service: PhantomData })
     }
 

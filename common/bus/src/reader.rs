@@ -35,7 +35,7 @@ pub struct Message<T: Payload> {
 impl<T: Payload> Reader<T> {
     pub(crate) fn new(opened: &Opened<PubSub<T>>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
         let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(T::SERVICE, run, clock) })
+        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(&T::SERVICE, run, clock) })
     }
 
     /// The next message, if one waits.

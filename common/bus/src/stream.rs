@@ -37,7 +37,7 @@ pub(crate) enum Admission {
 
 /// The reader's side of one service: counts, order and checks.
 pub(crate) struct Stream {
-    service: Service,
+    service: &'static Service,
     run: u64,
     /// None for visitors, who are in nobody's way.
     clock: Option<DeploymentClock>,
@@ -71,7 +71,7 @@ impl Account {
 }
 
 impl Stream {
-    pub(crate) fn new(service: Service, run: u64, clock: Option<DeploymentClock>) -> Self {
+    pub(crate) fn new(service: &'static Service, run: u64, clock: Option<DeploymentClock>) -> Self {
         let counters = InputCounters { service: Text::new(service.name), ..InputCounters::default() };
         Self {
             service,
@@ -229,7 +229,7 @@ mod tests {
     const CHECKSUM: u32 = 5;
 
     fn stream() -> Stream {
-        Stream::new(SonarScan::SERVICE, RUN, None)
+        Stream::new(&SonarScan::SERVICE, RUN, None)
     }
 
     fn header(kind: Kind, seq: u64, stamp_ns: u64) -> Header {

@@ -339,7 +339,7 @@ impl<'a> Supervisor<'a> {
                 if heartbeat.phase == Phase::Starting as u32 {
                     continue;
                 }
-                let work = self.vitals[process].work(|service| self.domain.is_sequenced(service));
+                let work = self.vitals[process].work();
                 changed |= self.feed(Event::Heartbeat { process, work, ending: heartbeat.phase == Phase::Ending as u32 })?;
             }
         }

@@ -2,7 +2,7 @@
 
 use crate::lifecycle::Lifecycle;
 use crate::usage::Usage;
-use messages::{Heartbeat, InputCounters, ProcessStatus, Text};
+use messages::{Heartbeat, InputCounters, ProcessStatus, Service, Text};
 use std::time::Duration;
 
 /// The measures of one process.
@@ -75,7 +75,8 @@ impl Vitals {
     }
 
     /// Messages that the present child has taken from streams that end. Everything else may be said for ever, although nothing moves.
-    pub(crate) fn work(&self, is_sequenced: impl Fn(&str) -> bool) -> u64 {
+    pub(crate) fn work(&self) -> u64 {
+        let is_sequenced = |name: &str| Service::named(name).is_some_and(|service| service.sequenced);
         self.inputs().filter(|input| is_sequenced(input.service.as_str())).map(|input| input.received).sum()
     }
 
@@ -203,16 +204,15 @@ mod tests {
     #[test]
     fn what_is_said_although_nothing_moves_is_no_work() {
         let mut vitals = Vitals::default();
-        let is_sequenced = |service: &str| service == "map/verdict";
         let mut idle = heartbeat(10, 5);
         vitals.hear(&idle, Duration::from_secs(1));
-        assert_eq!(vitals.work(is_sequenced), 1);
+        assert_eq!(vitals.work(), 1);
         (idle.inputs[0].received, idle.sent) = (20, 10);
         vitals.hear(&idle, Duration::from_secs(2));
-        assert_eq!(vitals.work(is_sequenced), 1);
+        assert_eq!(vitals.work(), 1);
         idle.inputs[1].received = 2;
         vitals.hear(&idle, Duration::from_secs(3));
-        assert_eq!(vitals.work(is_sequenced), 2);
+        assert_eq!(vitals.work(), 2);
     }
 
     #[test]
