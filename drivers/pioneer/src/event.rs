@@ -2,6 +2,7 @@
 
 use psos::{Identity, Model};
 
+use crate::condition::Condition;
 use crate::odometry::Step;
 
 /// Something that a person may want to know.
@@ -47,15 +48,38 @@ pub enum Event {
         /// The baud rate.
         baud: u32,
     },
+    /// What answers the handshake gives no name, or nothing but an echo. Said for the 1st, 2nd, 4th … time.
+    NotARobot {
+        /// It sends back what is sent to it.
+        echo: bool,
+        /// Handshakes that ended so.
+        times: u64,
+    },
     /// No packet for the time limit.
     LinkLost {
         /// How long, s.
         silence_s: f64,
+        /// Packets that arrived damaged meanwhile.
+        damaged: u64,
     },
     /// The robot answers like one that has been switched off and on.
     RobotRestarted,
-    /// The sonars do not fire; they have been told to.
-    SonarsOff,
+    /// A condition of the robot or its line that a person should know of.
+    ConditionBegan {
+        /// Which.
+        condition: Condition,
+        /// What it is, in words.
+        words: String,
+    },
+    /// The condition holds no longer.
+    ConditionEnded {
+        /// Which.
+        condition: Condition,
+        /// Its last words.
+        words: String,
+        /// How long it held, s.
+        lasted_s: f64,
+    },
     /// A packet's odometry is beyond the limits. Said for the 1st, 2nd, 4th, 8th …
     OdometryRefused {
         /// What it claims.
@@ -69,7 +93,12 @@ impl Event {
     /// Whether it should draw attention.
     #[must_use]
     pub fn is_warning(&self) -> bool {
-        !matches!(self, Self::Connected { .. } | Self::Resumed { .. })
+        match self {
+            Self::Connected { .. } | Self::Resumed { .. } | Self::ConditionEnded { .. } => false,
+            // A robot that is pushed by hand has its motors off.
+            Self::ConditionBegan { condition, .. } => *condition != Condition::MotorsOff,
+            _ => true,
+        }
     }
 }
 
@@ -95,14 +124,41 @@ impl std::fmt::Display for Event {
             Self::Resumed { model, baud } => {
                 write!(f, "took up the running session with the {} at {baud} baud", model.name)
             }
-            Self::LinkLost { silence_s } => write!(f, "link lost: no packet for {silence_s:.1} s; connecting anew"),
+            Self::NotARobot { echo: true, times } => {
+                write!(f, "the port sends back what is sent to it ({times} times): a loop-back plug or a modem, not a robot; still trying")
+            }
+            Self::NotARobot { echo: false, times } => {
+                write!(f, "what answers the handshake gives no name ({times} times): not a robot; still trying")
+            }
+            Self::LinkLost { silence_s, damaged: 0 } => write!(f, "link lost: no packet for {silence_s:.1} s; connecting anew"),
+            Self::LinkLost { silence_s, damaged } => {
+                write!(f, "link lost: no intact packet for {silence_s:.1} s, {damaged} damaged ones; connecting anew")
+            }
             Self::RobotRestarted => write!(f, "the robot has been switched off and on; connecting anew"),
-            Self::SonarsOff => write!(f, "the sonars do not fire; told them to"),
-            Self::OdometryRefused { step: Step::Refused { distance_m, turn_rad, elapsed_s }, refused } => write!(
-                f,
-                "refused odometry ({refused} so far): {distance_m:.3} m and {turn_rad:.3} rad in {elapsed_s:.3} s is no motion of this robot"
-            ),
-            Self::OdometryRefused { refused, .. } => write!(f, "refused odometry ({refused} so far)"),
+            Self::ConditionBegan { condition, words } => write!(f, "{words}{}", hint(*condition)),
+            Self::ConditionEnded { words, lasted_s, .. } => write!(f, "over after {lasted_s:.1} s: {words}"),
+            Self::OdometryRefused { step: Step::Refused { distance_m, turn_rad, elapsed_s, modulus }, refused } => {
+                write!(
+                    f,
+                    "refused odometry ({refused} so far): {distance_m:.3} m and {turn_rad:.3} rad in {elapsed_s:.3} s is no motion of this robot"
+                )?;
+                match modulus {
+                    Some(modulus) => write!(f, "; it would fit robot.odometry_modulus = {modulus}"),
+                    None => write!(f, "; where that recurs on a straight drive, robot.odometry_modulus is wrong"),
+                }
+            }
+            Self::OdometryRefused { refused, .. } => write!(f, "refused odometry ({refused} so far): is robot.odometry_modulus right?"),
         }
+    }
+}
+
+/// What a person can do about a condition.
+fn hint(condition: Condition) -> &'static str {
+    match condition {
+        Condition::EmergencyStop => ": the robot does not move until it is released",
+        Condition::PacketLoss => ": is the cable too long, its adapter loose, or this computer too busy?",
+        Condition::LowBattery => ": charge it before it switches itself off",
+        Condition::NoReadings => ": the map gets nothing",
+        Condition::Stall | Condition::Bumper | Condition::SilentSonars | Condition::Odometry | Condition::MotorsOff => "",
     }
 }

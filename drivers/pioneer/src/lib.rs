@@ -9,6 +9,7 @@
 //! | [`Command`] | what can be said to a robot: nothing that moves it |
 //! | [`Scanner`] | status packet to scan, with the plausibility of what a checksum lets through |
 //! | [`Odometry`] | counters that wrap around to a pose that never jumps |
+//! | [`Condition`] | what is wrong with the robot or its line, while it lasts |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
 //! | [`recording`] | decodes what somebody has recorded |
 //! | [`probe()`] | asks who is on a port |
@@ -19,8 +20,11 @@
 mod arrivals;
 mod checkpoint;
 mod command;
+mod condition;
+mod duplicates;
 mod event;
 mod exchange;
+mod loss;
 mod odometry;
 mod parameters;
 mod port;
@@ -30,10 +34,12 @@ mod readings;
 pub mod recording;
 mod scanner;
 mod session;
+mod sonar_watch;
 
 pub use arrivals::{Arrivals, Rhythm};
 pub use checkpoint::Checkpoint;
 pub use command::Command;
+pub use condition::Condition;
 pub use event::Event;
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};

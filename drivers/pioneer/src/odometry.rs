@@ -14,6 +14,16 @@ use messages::Pose;
 /// closer together or further apart than the robot sent them.
 pub const CYCLE_S: f64 = 0.1;
 
+/// The numbers at which the counters of the robots' firmwares start again from 0.
+const MODULI: [u32; 3] = [4096, 32768, 65536];
+
+/// How close to the prediction a refused step comes with the right modulus, m and rad: twice what the greatest accelerations make of
+/// a cycle. With 12 bits a Pioneer 1 wraps every 0.21 m, so that a damaged counter comes as close one time in five.
+const WRAP_FITS: (f64, f64) = (0.02, 0.1);
+
+/// A wrap is looked for in a step of this long at most, s: later the prediction is no better than chance.
+const WRAP_SEEN_S: f64 = 0.3;
+
 /// Longest time over which the last velocity says anything about the next step, s. With a modulus of 2^15 a Pioneer 1's
 /// x and y wrap every 1.66 m: after a silence this unwinds both a robot at 0.4 m/s that went on for up to 4 s and one that stopped at once.
 const PREDICTION_S: f64 = 2.0;
@@ -92,6 +102,8 @@ pub enum Step {
         turn_rad: f64,
         /// The time since the last step that was believed, s.
         elapsed_s: f64,
+        /// Another modulus of the counters with which the step would be believed.
+        modulus: Option<u32>,
     },
 }
 
@@ -172,9 +184,22 @@ impl Odometry {
             }
             (false, _) => {
                 self.refused = Some((counters, stamp_ns));
-                Step::Refused { distance_m: self.distance_m(&claim), turn_rad: self.turn_rad(&claim), elapsed_s: claim.elapsed_s }
+                let modulus = self.other_modulus(counters, stamp_ns);
+                Step::Refused { distance_m: self.distance_m(&claim), turn_rad: self.turn_rad(&claim), elapsed_s: claim.elapsed_s, modulus }
             }
         }
+    }
+
+    /// The modulus of another firmware with which these counters would be believed.
+    fn other_modulus(&self, counters: Counters, stamp_ns: u64) -> Option<u32> {
+        MODULI.into_iter().filter(|&modulus| modulus != self.scale.modulus).find(|&modulus| {
+            let other = Self { scale: Scale { modulus, ..self.scale }, ..self.clone() };
+            let claim = other.claim((self.track.last, self.track.stamp_ns), self.track.velocity, counters, stamp_ns);
+            let off_m =
+                (claim.step[0] as f64 - claim.predicted[0]).hypot(claim.step[1] as f64 - claim.predicted[1]) * self.scale.distance_m;
+            let off_rad = (claim.step[2] as f64 - claim.predicted[2]).abs() * self.heading_rad();
+            claim.elapsed_s <= WRAP_SEEN_S && other.is_within_limits(&claim) && off_m <= WRAP_FITS.0 && off_rad <= WRAP_FITS.1
+        })
     }
 
     /// What the counters say happened since `last`. Of all steps that differ by a wrap, the one nearest to the prediction.
@@ -392,6 +417,22 @@ mod tests {
         let moved = (odometry.pose().x_m - before.x_m).hypot(odometry.pose().y_m);
         assert!((moved - 790.0 * SCALE.distance_m).abs() < 1e-9);
         assert!((odometry.pose().y_m / (odometry.pose().x_m - before.x_m) - (-300.0 * odometry.heading_rad()).tan()).abs() < 1e-9);
+    }
+
+    /// Counters of 12 bits taken for counters of 15: refused at the wrap, with the modulus that they have.
+    #[test]
+    fn a_wrap_at_another_modulus_is_named() {
+        let mut odometry = Odometry::new(SCALE, Track::default());
+        let mut named = Vec::new();
+        for packet in 0..20_i64 {
+            let step = odometry.step(counters(packet * 790, 0, 0, 4096), packet as u64 * CYCLE_NS);
+            named.extend(match step {
+                Step::Refused { modulus, .. } => Some(modulus),
+                _ => None,
+            });
+        }
+        assert_eq!(named, [Some(4096); 3]);
+        assert!(matches!(driven().step(counters(0, 0, 300, 32768), 20 * CYCLE_NS), Step::Refused { modulus: None, .. }));
     }
 
     #[test]

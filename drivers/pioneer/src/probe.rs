@@ -73,6 +73,12 @@ pub enum ProbeError {
         /// Bytes that came.
         bytes: u64,
     },
+    /// What is sent comes back.
+    #[error("{port}: sends back what is sent to it: a loop-back plug or a modem that echoes, not a robot: is this the right port?")]
+    Echo {
+        /// The port.
+        port: String,
+    },
     /// A robot answered the handshake and then sent nothing.
     #[error("{port}: {name} answers at {baud} baud, but sends no status packets: switch it off and on")]
     NoPackets {
@@ -93,6 +99,7 @@ struct Findings {
     connected_ns: u64,
     fired: BTreeSet<u32>,
     packets: u64,
+    echo: bool,
 }
 
 /// Asks who is on a port. The robot is not moved, and closed at the end.
@@ -153,6 +160,7 @@ impl Findings {
                 self.identity = Some((identity.clone(), *baud));
                 self.connected_ns = now_ns;
             }
+            Output::Event(Event::NotARobot { echo, .. }) => self.echo |= echo,
             Output::Publish(kept) => {
                 self.packets += 1;
                 self.fired.extend(kept.scan.readings().iter().map(|reading| reading.sonar));
@@ -169,6 +177,7 @@ impl Findings {
     fn answer(self, port: String, parameters: &Parameters, damaged: u64, note: String) -> Result<Answer, ProbeError> {
         let bauds = || parameters.bauds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         match self.identity {
+            None if self.echo => Err(ProbeError::Echo { port }),
             None if self.bytes == 0 => Err(ProbeError::Silent { port, bauds: bauds() }),
             None => Err(ProbeError::NoRobot { port, bauds: bauds(), bytes: self.bytes }),
             Some((identity, baud)) if self.packets == 0 => Err(ProbeError::NoPackets { port, name: identity.name, baud }),
@@ -208,6 +217,8 @@ mod tests {
         );
         let stranger = answer(Findings { bytes: 12, ..Findings::default() }).unwrap_err().to_string();
         assert!(stranger.starts_with("/dev/x: what answers is not a Pioneer (12 bytes at"), "{stranger}");
+        let echo = answer(Findings { bytes: 12, echo: true, ..Findings::default() }).unwrap_err().to_string();
+        assert!(echo.starts_with("/dev/x: sends back what is sent to it"), "{echo}");
         let mute = answer(connected("pion1m")).unwrap_err().to_string();
         assert_eq!(mute, "/dev/x: Amigo answers at 9600 baud, but sends no status packets: switch it off and on");
     }

@@ -19,11 +19,15 @@ use psos::{Deframer, Frame, Identity, LinkCounters, Model, Sip, System, number};
 use crate::arrivals::{Arrivals, Rhythm};
 use crate::checkpoint::Checkpoint;
 use crate::command::Command;
+use crate::condition::{Condition, Conditions, shown_by};
+use crate::duplicates::Duplicates;
 use crate::event::Event;
 use crate::exchange::{Input, Output};
-use crate::odometry::Track;
+use crate::loss::PacketLoss;
+use crate::odometry::{Step, Track};
 use crate::parameters::Parameters;
 use crate::scanner::{Refusals, Scanner};
+use crate::sonar_watch::SonarWatch;
 
 /// Handshakes that may break off after an echo before another baud rate is tried: an echo shows that this one is right.
 const TRIES_AFTER_ECHO: u32 = 3;
@@ -40,6 +44,12 @@ const GAP_NS: u64 = 350_000_000;
 /// How long after an adapter was pulled out the robot's counters still tell where it went: over this time they unwind a robot that
 /// drove on as well as one that stopped at once (`odometry`).
 const RESUMABLE_NS: u64 = 4_000_000_000;
+
+/// Share of packets whose loss is said, and the share below which it is over: single packets are lost on every line.
+const LOSS: (f64, f64) = (0.1, 0.05);
+
+/// Refused packets in a row that another modulus of the counters would explain: a few may be damage, three are the firmware.
+const MODULUS_HINTS: u32 = 3;
 
 /// More damaged packets in a row than noise makes: the limits are too low for this robot.
 const MANY_REFUSED: u32 = 10;
@@ -70,10 +80,14 @@ struct Open {
     repeat_due_ns: u64,
     /// When the last status packet came; the opening before the first.
     heard_ns: u64,
-    /// When the last status packet with readings or with its sonar flag set came; the opening before the first.
-    sonars_ns: u64,
+    /// When the last status packet with readings came; the opening before the first.
+    fired_ns: u64,
+    /// When the last status packet with a reading that a sonar of this robot can have made came; the opening before the first.
+    usable_ns: u64,
     /// Status packets have come.
     heard: bool,
+    /// Damaged packets before the last status packet.
+    damaged: u64,
 }
 
 /// The conversation with a robot, over any number of connections.
@@ -100,6 +114,18 @@ pub struct Session {
     battery_v: Option<f64>,
     /// Packets in a row whose odometry was refused.
     refused_in_a_row: u32,
+    /// Another modulus with which refused packets would be believed, and how many of them.
+    other_modulus: Option<(u32, u32)>,
+    duplicates: Duplicates,
+    loss: PacketLoss,
+    sonars: SonarWatch,
+    conditions: Conditions,
+    /// Handshakes that were answered without a name, since the last connection.
+    nameless: u64,
+    /// Whether the last of these was an echo.
+    echo: bool,
+    /// Whether this handshake was answered without a name.
+    nameless_now: bool,
     /// What a robot calls itself that is of no known model.
     unknown: Option<String>,
 }
@@ -126,6 +152,14 @@ impl Session {
             counted: LinkCounters::default(),
             battery_v: None,
             refused_in_a_row: 0,
+            other_modulus: None,
+            duplicates: Duplicates::default(),
+            loss: PacketLoss::default(),
+            sonars: SonarWatch::default(),
+            conditions: Conditions::default(),
+            nameless: 0,
+            echo: false,
+            nameless_now: false,
             unknown: None,
             parameters,
         }
@@ -173,6 +207,18 @@ impl Session {
         self.scanner.refusals()
     }
 
+    /// Status packets that came twice.
+    #[must_use]
+    pub fn duplicates(&self) -> u64 {
+        self.duplicates.count()
+    }
+
+    /// Status packets that did not arrive, as far as the robot's rhythm tells.
+    #[must_use]
+    pub fn lost_packets(&self) -> u64 {
+        self.loss.lost()
+    }
+
     /// The rhythm of the packets as they arrive.
     #[must_use]
     pub fn rhythm(&self) -> Rhythm {
@@ -190,6 +236,9 @@ impl Session {
     pub fn note(&self, port: &str) -> String {
         match self.state {
             State::Absent => format!("waiting for {port}"),
+            State::Syncing { .. } | State::Closing { left_open: false, .. } if self.nameless > 0 && self.echo => {
+                format!("{port} sends back what is sent to it: it is not a robot")
+            }
             State::Syncing { .. } | State::Closing { left_open: false, .. } if self.rounds == 0 => {
                 format!("looking for a robot on {port} at {} baud", self.baud())
             }
@@ -198,17 +247,16 @@ impl Session {
             }
             State::Closing { left_open: true, .. } => format!("closing the robot on {port}, which was left open"),
             State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
-            State::Open(_) if self.refused_in_a_row >= MANY_REFUSED => {
-                format!("{} packets in a row refused: pioneer.speed_limit_m_s or turn_limit_rad_s is too low?", self.refused_in_a_row)
-            }
             State::Open(_) => {
+                let conditions = self.conditions.words();
+                let conditions = if conditions.is_empty() { conditions } else { conditions + "; " };
                 let battery = self.battery_v.map_or_else(String::new, |volts| format!(", battery {volts:.1} V"));
                 let Rhythm { interval_s, jitter_s } = self.rhythm();
                 let (interval_ms, jitter_ms) = (interval_s * 1e3, jitter_s * 1e3);
                 let unknown =
                     self.unknown.as_ref().map_or_else(String::new, |subclass| format!("UNKNOWN ROBOT {subclass:.16?} taken for a "));
                 let (model, baud) = (self.scanner.model().name, self.baud());
-                format!("{unknown}{model} at {baud} baud{battery}, a packet every {interval_ms:.0} ± {jitter_ms:.0} ms")
+                format!("{conditions}{unknown}{model} at {baud} baud{battery}, a packet every {interval_ms:.0} ± {jitter_ms:.0} ms")
             }
             State::Ended => "the robot is closed".to_owned(),
         }
@@ -238,7 +286,8 @@ impl Session {
 
     fn receive(&mut self, bytes: &[u8], now_ns: u64, out: &mut Vec<Output>) {
         self.arrivals.note_read(self.deframer.position(), now_ns);
-        let frames = self.deframer.push(bytes);
+        let mut frames = self.deframer.push(bytes);
+        frames.retain(|frame| !Sip::is_sip(&frame.data) || !self.is_duplicate(frame, now_ns));
         let starts: Vec<_> = frames.iter().filter(|frame| Sip::is_sip(&frame.data)).map(|frame| frame.start).collect();
         let mut stamps = self.arrivals.stamps(&starts, self.deframer.open_from()).into_iter();
         for frame in frames {
@@ -249,6 +298,17 @@ impl Session {
                 self.heard_other(&frame, now_ns, out);
             }
         }
+    }
+
+    /// A packet that came twice shows that the line is alive, and nothing else.
+    fn is_duplicate(&mut self, frame: &Frame, now_ns: u64) -> bool {
+        let duplicate = self.duplicates.is_duplicate(&frame.data, now_ns);
+        if let State::Open(open) = &mut self.state
+            && duplicate
+        {
+            open.heard_ns = now_ns;
+        }
+        duplicate
     }
 
     fn heard_sip(&mut self, frame: &Frame, stamp_ns: u64, now_ns: u64, out: &mut Vec<Output>) {
@@ -285,9 +345,12 @@ impl Session {
         match self.state {
             // Whatever was asked: a robot that names itself is synchronised. Some take CLOSE for the last step of a handshake.
             State::Syncing { .. } | State::Closing { left_open: false, .. } if answer == Some(number::SYNC2) => {
-                if let Ok(identity) = Identity::decode(&frame.data) {
-                    self.disconnected();
-                    self.open(&identity, now_ns, out);
+                match Identity::decode(&frame.data) {
+                    Ok(identity) => {
+                        self.disconnected();
+                        self.open(&identity, now_ns, out);
+                    }
+                    Err(_) => self.nameless(frame, out),
                 }
             }
             State::Syncing { step, .. } if answer == Some(step) => {
@@ -308,6 +371,20 @@ impl Session {
         }
     }
 
+    /// A handshake was answered, but not by a robot; its time limit ends it.
+    fn nameless(&mut self, frame: &Frame, out: &mut Vec<Output>) {
+        if !matches!(self.state, State::Syncing { step: number::SYNC2, .. }) {
+            return;
+        }
+        let echo = frame.data == [number::SYNC2];
+        self.nameless += 1;
+        self.echo = echo;
+        self.nameless_now = true;
+        if self.nameless.is_power_of_two() {
+            out.push(Output::Event(Event::NotARobot { echo, times: self.nameless }));
+        }
+    }
+
     fn tick(&mut self, now_ns: u64, out: &mut Vec<Output>) {
         match self.state {
             State::Syncing { step, due_ns } if now_ns >= due_ns => self.no_echo(step, now_ns, out),
@@ -322,12 +399,15 @@ impl Session {
     }
 
     fn no_echo(&mut self, step: u8, now_ns: u64, out: &mut Vec<Output>) {
-        if step != number::SYNC0 && self.tries_after_echo < TRIES_AFTER_ECHO {
+        if step != number::SYNC0 && !self.nameless_now && self.tries_after_echo < TRIES_AFTER_ECHO {
             self.tries_after_echo += 1;
             self.close(false, now_ns, out);
             return;
         }
         self.tries_after_echo = 0;
+        if step == number::SYNC0 {
+            self.nameless = 0;
+        }
         self.baud += 1;
         if self.baud >= self.parameters.bauds.len() {
             self.baud = 0;
@@ -354,7 +434,8 @@ impl Session {
     fn tick_open(&mut self, mut open: Open, now_ns: u64, out: &mut Vec<Output>) {
         let silence_ns = now_ns.saturating_sub(open.heard_ns);
         if silence_ns >= self.parameters.link_lost_ns {
-            out.extend([Output::Event(Event::LinkLost { silence_s: silence_ns as f64 / 1e9 }), Output::Reopen]);
+            let damaged = self.deframer.counters().bad_checksums.saturating_sub(open.damaged);
+            out.extend([Output::Event(Event::LinkLost { silence_s: silence_ns as f64 / 1e9, damaged }), Output::Reopen]);
             self.disconnected();
             self.state = State::Absent;
             return;
@@ -367,11 +448,9 @@ impl Session {
             if !open.heard {
                 out.push(Output::Send(Command::Open));
             }
-            let silent = now_ns.saturating_sub(open.sonars_ns) >= SONARS_SILENT_NS;
+            // Of a line that is dead nothing is known of the sonars.
+            let silent = open.heard_ns.saturating_sub(open.fired_ns) >= SONARS_SILENT_NS;
             if self.scanner.model().system == System::P2os && (silent || !open.heard) {
-                if open.heard {
-                    out.push(Output::Event(Event::SonarsOff));
-                }
                 out.push(Output::Send(Command::SonarsOn));
             }
             open.repeat_due_ns = now_ns + REPEAT_NS;
@@ -381,6 +460,7 @@ impl Session {
 
     /// Starts a handshake at the baud rate in use.
     fn sync(&mut self, now_ns: u64, out: &mut Vec<Output>) {
+        self.nameless_now = false;
         self.send_sync(Command::Sync0, number::SYNC0, now_ns, out);
     }
 
@@ -411,6 +491,7 @@ impl Session {
         self.rounds = 0;
         self.closings = 0;
         self.tries_after_echo = 0;
+        self.nameless = 0;
         self.state = State::Open(self.opened(now_ns));
     }
 
@@ -419,8 +500,10 @@ impl Session {
             pulse_due_ns: now_ns + self.parameters.pulse_ns,
             repeat_due_ns: now_ns + REPEAT_NS,
             heard_ns: now_ns,
-            sonars_ns: now_ns,
+            fired_ns: now_ns,
+            usable_ns: now_ns,
             heard: false,
+            damaged: self.deframer.counters().bad_checksums,
         }
     }
 
@@ -440,41 +523,104 @@ impl Session {
     fn disconnected(&mut self) {
         self.resumable_until_ns = None;
         self.scanner.link_was_down();
+        self.forget_conditions();
+    }
+
+    /// Of a robot that is not connected nothing is known.
+    fn forget_conditions(&mut self) {
+        self.conditions.clear();
+        self.loss.restart();
+        self.sonars = SonarWatch::default();
+        self.other_modulus = None;
+        self.refused_in_a_row = 0;
     }
 
     fn publish(&mut self, sip: &Sip, stamp_ns: u64, now_ns: u64, out: &mut Vec<Output>) {
+        let counted = self.deframer.counters();
         if let State::Open(open) = &mut self.state {
             if open.heard && stamp_ns.saturating_sub(self.scanner.track().stamp_ns) > GAP_NS {
                 self.scanner.mark_gap();
             }
             open.heard_ns = now_ns;
             open.heard = true;
-            if sip.sonars_on() || !sip.readings.is_empty() {
-                open.sonars_ns = now_ns;
+            open.damaged = counted.bad_checksums;
+            if !sip.readings.is_empty() {
+                open.fired_ns = now_ns;
             }
         }
-        let counted = self.deframer.counters();
         if (counted.bad_checksums, counted.skipped_bytes) != (self.counted.bad_checksums, self.counted.skipped_bytes) && self.seq > 0 {
             self.scanner.mark_gap();
         }
         self.counted = counted;
         self.battery_v = Some(sip.battery_v());
-        match self.scanner.scan(sip, stamp_ns) {
+        self.loss.note(stamp_ns);
+        self.sonars.note(&sip.readings, now_ns);
+        let usable = match self.scanner.scan(sip, stamp_ns) {
             Ok(scan) => {
                 self.refused_in_a_row = 0;
                 self.seq += 1;
                 let track = self.scanner.track();
                 let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
                 out.push(Output::Publish(Box::new(kept)));
+                scan.count > 0
             }
             Err(step) => {
-                self.refused_in_a_row += 1;
-                let refused = self.scanner.refusals().odometry;
-                // A limit that is too low for the robot would otherwise fill the log.
-                if refused.is_power_of_two() {
-                    out.push(Output::Event(Event::OdometryRefused { step, refused }));
-                }
+                self.refused(step, out);
+                !sip.readings.is_empty()
             }
+        };
+        if let State::Open(open) = &mut self.state
+            && usable
+        {
+            open.usable_ns = now_ns;
+        }
+        self.observe(sip, now_ns, out);
+    }
+
+    fn refused(&mut self, step: Step, out: &mut Vec<Output>) {
+        self.refused_in_a_row += 1;
+        let refused = self.scanner.refusals().odometry;
+        // A limit that is too low for the robot would otherwise fill the log.
+        if refused.is_power_of_two() {
+            out.push(Output::Event(Event::OdometryRefused { step, refused }));
+        }
+        let Step::Refused { modulus, .. } = step else { return };
+        self.other_modulus = modulus.map(|modulus| {
+            let hints = self.other_modulus.filter(|&(other, _)| other == modulus).map_or(0, |(_, hints)| hints);
+            (modulus, hints.saturating_add(1))
+        });
+    }
+
+    /// Judges what a person should know of after this packet.
+    fn observe(&mut self, sip: &Sip, now_ns: u64, out: &mut Vec<Output>) {
+        let State::Open(Open { fired_ns, usable_ns, .. }) = self.state else { return };
+        let share = self.loss.share();
+        let bearable = if self.conditions.holds(Condition::PacketLoss) { LOSS.1 } else { LOSS.0 };
+        let silent_s = |since_ns: u64| now_ns.saturating_sub(since_ns) / 1_000_000_000;
+        let no_readings = if now_ns.saturating_sub(fired_ns) >= SONARS_SILENT_NS {
+            Some(format!("NO SONAR READINGS for {} s", silent_s(fired_ns)))
+        } else if now_ns.saturating_sub(usable_ns) >= SONARS_SILENT_NS {
+            Some(format!("NO USABLE SONAR READINGS for {} s: is robot.model right?", silent_s(usable_ns)))
+        } else {
+            None
+        };
+        let odometry = match self.other_modulus {
+            Some((modulus, MODULUS_HINTS..)) => Some(format!("ODOMETRY REFUSED: set robot.odometry_modulus = {modulus}")),
+            _ if self.refused_in_a_row >= MANY_REFUSED => Some(format!(
+                "{} packets in a row refused: are robot.odometry_modulus, pioneer.speed_limit_m_s and turn_limit_rad_s right?",
+                self.refused_in_a_row
+            )),
+            _ => None,
+        };
+        let shown = shown_by(sip, self.scanner.model().system, self.conditions.holds(Condition::LowBattery));
+        let measured = [
+            (Condition::NoReadings, no_readings),
+            (Condition::SilentSonars, self.sonars.silent(now_ns)),
+            (Condition::PacketLoss, (share >= bearable).then(|| format!("{:.0} % OF THE PACKETS LOST", 100.0 * share))),
+            (Condition::Odometry, odometry),
+        ];
+        for (condition, words) in shown.into_iter().chain(measured) {
+            out.extend(self.conditions.observe(condition, words, now_ns).map(Output::Event));
         }
     }
 }

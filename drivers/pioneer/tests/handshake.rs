@@ -4,7 +4,7 @@
 mod support;
 
 use psos::number;
-use stillmap_pioneer::{Event, Input};
+use stillmap_pioneer::{Condition, Event, Input};
 use support::{Drive, MS, Robot, S};
 
 fn connected(drive: &Drive) -> usize {
@@ -92,6 +92,37 @@ fn a_lost_identity_is_asked_for_again_at_the_same_baud_rate() {
 }
 
 #[test]
+fn an_echo_is_no_robot_and_is_named() {
+    let mut drive = Drive::new(Robot::pioneer_1());
+    drive.echo = true;
+    drive.run(30 * S);
+    assert_eq!(connected(&drive), 0);
+    let echoes: Vec<_> = drive.events.iter().filter(|event| matches!(event, Event::NotARobot { echo: true, .. })).collect();
+    assert_eq!(echoes.len(), 5, "1st, 2nd, 4th, 8th, 16th: {:?}", drive.events);
+    assert_eq!(drive.session.note("/dev/x"), "/dev/x sends back what is sent to it: it is not a robot");
+    drive.echo = false;
+    drive.run(8 * S);
+    assert_eq!(connected(&drive), 1);
+}
+
+#[test]
+fn an_answer_without_names_is_no_robot() {
+    let mut drive = Drive::new(Robot { nameless: true, ..Robot::pioneer_1() });
+    drive.run(10 * S);
+    assert_eq!(connected(&drive), 0);
+    assert!(drive.events.contains(&Event::NotARobot { echo: false, times: 1 }), "{:?}", drive.events);
+}
+
+#[test]
+fn a_robot_that_boots_when_its_port_is_opened_is_found_in_the_second_round() {
+    let mut drive = Drive::new(Robot { deaf: true, ..Robot::pioneer_1() });
+    drive.run(2500 * MS);
+    drive.robot.deaf = false;
+    drive.run(6 * S);
+    assert_eq!(connected(&drive), 1, "{:?}", drive.events);
+}
+
+#[test]
 fn a_robot_that_hears_nothing_does_not_fill_the_log() {
     let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
     drive.robot.deaf = true;
@@ -110,13 +141,13 @@ fn sonars_are_asked_for_until_they_fire() {
     assert!(drive.robot.sonars);
     let asked = |drive: &Drive| drive.robot.heard.iter().filter(|&&heard| heard == number::SONAR).count();
     assert_eq!(asked(&drive), 1);
-    assert!(!drive.events.contains(&Event::SonarsOff));
+    assert_eq!(drive.conditions(), []);
     // Somebody, or a fault, switches them off; the robot is deaf to the command for a while.
     drive.robot.has_sonar_command = false;
     drive.robot.sonars = false;
     drive.run(6 * S);
     assert!((4..=6).contains(&asked(&drive)), "{}", asked(&drive));
-    assert!(drive.events.contains(&Event::SonarsOff));
+    assert_eq!(drive.conditions(), [(Condition::NoReadings, "NO SONAR READINGS for 2 s")]);
     drive.robot.has_sonar_command = true;
     drive.run(2 * S);
     assert!(drive.robot.sonars);
@@ -153,7 +184,7 @@ fn a_silent_link_is_lost_after_eight_seconds_and_found_again() {
     drive.run(7900 * MS);
     assert!(!drive.events.iter().any(|event| matches!(event, Event::LinkLost { .. })));
     drive.run(300 * MS);
-    assert!(drive.events.iter().any(|event| matches!(event, Event::LinkLost { silence_s } if (*silence_s - 8.0).abs() < 0.2)));
+    assert!(drive.events.iter().any(|event| matches!(event, Event::LinkLost { silence_s, damaged: 0 } if (*silence_s - 8.0).abs() < 0.2)));
     drive.quiet = false;
     drive.run(10 * S);
     assert_eq!(connected(&drive), 2);
@@ -314,8 +345,8 @@ fn limits_too_low_for_the_robot_are_said_and_do_not_fill_the_log() {
     drive.robot.m_per_cycle = 0.3;
     drive.run(2 * S);
     assert_eq!(drive.scans.len(), before, "3 m/s is beyond the limit of 1 m/s");
-    assert!(drive.session.note("x").ends_with("speed_limit_m_s or turn_limit_rad_s is too low?"), "{}", drive.session.note("x"));
-    assert!(drive.session.note("x").len() <= 128, "the status shows that much");
+    let limits = "20 packets in a row refused: are robot.odometry_modulus, pioneer.speed_limit_m_s and turn_limit_rad_s right?; ";
+    assert!(drive.session.note("x").starts_with(limits) && limits.len() <= 128, "the status shows that much: {}", drive.session.note("x"));
     let said = drive.events.iter().filter(|event| matches!(event, Event::OdometryRefused { .. })).count();
     assert_eq!((drive.session.refusals().odometry, said), (20, 5));
 }

@@ -2,7 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "each test file uses its part; tests fail by panicking")]
 
 use psos::{Deframer, Identity, RawReading, Sip, number};
-use stillmap_pioneer::{Checkpoint, Event, Input, Output, Parameters, Session};
+use stillmap_pioneer::{Checkpoint, Condition, Event, Input, Output, Parameters, Session};
 
 pub(crate) const MS: u64 = 1_000_000;
 pub(crate) const S: u64 = 1000 * MS;
@@ -31,6 +31,15 @@ pub(crate) struct Robot {
     /// Metres travelled.
     pub x_m: f64,
     pub m_per_cycle: f64,
+    /// The number at which its counters start again from 0.
+    pub modulus: u64,
+    pub battery: u8,
+    /// Stall and bumper bits of the left and right wheel.
+    pub stall_bumpers: (u8, u8),
+    /// Its flags where they are not what its sonars say.
+    pub flags: Option<u16>,
+    /// Whether its answer to SYNC2 has no names.
+    pub nameless: bool,
     /// Whether what is said to it is lost.
     pub deaf: bool,
     pub heard: Vec<u8>,
@@ -50,6 +59,11 @@ impl Robot {
             has_sonar_command: false,
             x_m: 0.0,
             m_per_cycle: 0.03,
+            modulus: 32768,
+            battery: 131,
+            stall_bumpers: (0, 0),
+            flags: None,
+            nameless: false,
             deaf: false,
             heard: Vec::new(),
             next_sip_ns: 0,
@@ -88,6 +102,7 @@ impl Robot {
                 (false, number::CLOSE) if self.named => self.named = false,
                 (false, number::PULSE) if self.named => {}
                 (false, number::SYNC0 | number::SYNC1) => answer.extend(psos::encode_frame(&[command.number]).unwrap()),
+                (false, number::SYNC2) if self.nameless => answer.extend(psos::encode_frame(&[number::SYNC2, 0]).unwrap()),
                 (false, number::SYNC2) => {
                     self.named = true;
                     answer.extend(self.identity().encode().unwrap());
@@ -118,16 +133,16 @@ impl Robot {
         let range = 1000;
         Sip {
             status: 2,
-            x: (units % 32768) as u16,
+            x: (units % self.modulus) as u16,
             y: 0,
             heading: 0,
-            left_velocity: 0,
-            right_velocity: 0,
-            battery: 131,
-            left_stall_bumpers: 0,
-            right_stall_bumpers: 0,
+            left_velocity: (self.m_per_cycle * 4000.0) as i16,
+            right_velocity: (self.m_per_cycle * 4000.0) as i16,
+            battery: self.battery,
+            left_stall_bumpers: self.stall_bumpers.0,
+            right_stall_bumpers: self.stall_bumpers.1,
             control: 0,
-            flags: u16::from(self.sonars) << 1,
+            flags: self.flags.unwrap_or(1 | u16::from(self.sonars) << 1),
             compass: 0,
             readings: if self.sonars { vec![RawReading { sonar: 3, range }] } else { Vec::new() },
             tail: vec![0; 5],
@@ -148,6 +163,8 @@ pub(crate) struct Drive {
     pub scans: Vec<Checkpoint>,
     pub events: Vec<Event>,
     pub sent: Vec<Vec<u8>>,
+    /// Whether what the driver sends comes back at once.
+    pub echo: bool,
     /// Changes what the robot says on its way.
     pub damage: Box<dyn FnMut(Vec<u8>) -> Vec<u8>>,
     opened: bool,
@@ -173,6 +190,7 @@ impl Drive {
             scans: Vec::new(),
             events: Vec::new(),
             sent: Vec::new(),
+            echo: false,
             damage: Box::new(|bytes| bytes),
             opened: false,
         }
@@ -214,6 +232,10 @@ impl Drive {
                     if !self.opened || self.quiet {
                         continue;
                     }
+                    if self.echo {
+                        self.step(Input::Bytes(&command.packet()));
+                        continue;
+                    }
                     let answer = self.robot.hear(&command.packet(), self.line_baud, self.now_ns);
                     let answer = (self.damage)(answer);
                     if !answer.is_empty() {
@@ -227,6 +249,21 @@ impl Drive {
                 Output::Event(event) => self.events.push(event),
             }
         }
+    }
+
+    /// Conditions whose beginning was said, each with its words.
+    pub(crate) fn conditions(&self) -> Vec<(Condition, &str)> {
+        let began = |event| match event {
+            &Event::ConditionBegan { condition, ref words } => Some((condition, words.as_str())),
+            _ => None,
+        };
+        self.events.iter().filter_map(began).collect()
+    }
+
+    /// Conditions whose end was said.
+    pub(crate) fn ended(&self) -> Vec<Condition> {
+        let ended = |event: &Event| if let Event::ConditionEnded { condition, .. } = event { Some(*condition) } else { None };
+        self.events.iter().filter_map(ended).collect()
     }
 
     pub(crate) fn pose_x_m(&self) -> f64 {
