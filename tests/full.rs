@@ -237,10 +237,10 @@ fn a_disk_that_is_full_stops_the_recording_and_space_brings_it_back_in_a_new_fil
     }
     let mut run = on_a_small_disk(&bench, &out, "256k", &["run", settings.to_str().unwrap(), "--speed", "10"]);
     let said = run.wait_for_line("the disk is full");
-    assert!(said.contains("drive.mcap") && said.contains("what comes is not recorded until it can be"), "{said}");
+    assert!(said.contains("drive.mcap") && said.contains("messages are not recorded until a write succeeds"), "{said}");
     let more = ["-t", &run.pid().to_string(), "-m", "mount", "-o", "remount,size=64m", out.to_str().unwrap()];
     assert!(Command::new("nsenter").args(more).status().unwrap().success());
-    let said = run.wait_for_line("recording again, into");
+    let said = run.wait_for_line("recording resumed in");
     assert!(said.contains("drive.2.mcap"), "{said}");
     let (before, _) = said.split_once(" messages were not recorded").unwrap();
     // Until it tries again it hears at least itself.

@@ -98,7 +98,7 @@ fn recorder_of_a_log_that_is_too_long_for_one_file() {
     // The recorder flushes each scan, since the next one comes only then: every one is a chunk.
     let settings = bench.write("long.toml", &replay_settings("long", &log, "").replace("window = 16", "window = 1"));
     let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
-    let said = run.wait_for_line("recording goes on in");
+    let said = run.wait_for_line("recording continues in");
     assert!(said.contains("drive.2.mcap"), "{said}");
     let recorder = children(run.pid()).into_iter().find(|(name, _)| name == "recorder");
     kill(recorder.unwrap().1);

@@ -1,4 +1,4 @@
-//! The file that a log is written into.
+//! The file of one part of a log.
 
 use std::fs::{self, File};
 use std::io;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use drivelog::{Log, following_parts, part_path};
 
-/// A file that holds whole pieces of a log only.
+/// A file to which pieces of a log are appended whole or not at all.
 #[derive(Debug)]
 pub struct LogFile {
     file: File,
@@ -16,33 +16,33 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// The file that the log of this run goes on in, or its first one where none of it is there yet: a recorder that was
-    /// killed while it started has made none, and what lies there is an earlier run's.
+    /// The next part of the log of this run, or its first part if there is none. A log of another run at this path is renamed: a
+    /// recorder that was killed while it started may not have created its own.
     ///
     /// # Errors
-    /// When the folder or the file cannot be made.
+    /// When the folder or the file cannot be created.
     pub fn of_run(path: &Path, run: u64) -> io::Result<Self> {
         let is_of_run = |part: &Path| Log::open(part).is_ok_and(|log| log.preamble().run == run);
         let begun = is_of_run(path) || following_parts(path)?.iter().any(|(_, part)| is_of_run(part));
         if begun { Self::next(path) } else { Self::first(path) }
     }
 
-    /// The first file of a log. The log of an earlier run that lies there is kept under another name.
+    /// The first part of a log. The log of an earlier run at this path is renamed.
     ///
     /// # Errors
-    /// When the folder or the file cannot be made.
+    /// When the folder or the file cannot be created.
     pub fn first(path: &Path) -> io::Result<Self> {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        put_aside(path)?;
+        rename_existing(path)?;
         Self::create(path.to_owned())
     }
 
-    /// The next part of a log whose recorder was killed.
+    /// The part that follows the last one at this path.
     ///
     /// # Errors
-    /// When the file cannot be made.
+    /// When the file cannot be created.
     pub fn next(path: &Path) -> io::Result<Self> {
         if !path.exists() {
             return Self::first(path);
@@ -55,10 +55,10 @@ impl LogFile {
         Ok(Self { file: File::create_new(&path)?, path, bytes: 0 })
     }
 
-    /// Appends a piece whole, or not at all.
+    /// Appends a piece, whole or not at all.
     ///
     /// # Errors
-    /// When the file does not take all of it; what it took is cut off again.
+    /// When it cannot be written completely; the file is then truncated to its former size.
     pub fn append(&mut self, piece: &[u8]) -> io::Result<()> {
         match self.file.write_all_at(piece, self.bytes) {
             Ok(()) => {
@@ -66,28 +66,28 @@ impl LogFile {
                 Ok(())
             }
             Err(error) => {
-                // A piece that stays half is only a cut log, and the next one is written over it.
+                // If this fails too, the file ends in half a piece. A log is readable up to there, and the next write replaces it.
                 let _ = self.file.set_len(self.bytes);
                 Err(error)
             }
         }
     }
 
-    /// The file.
+    /// Path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Its size.
+    /// Size of the file in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 }
 
-/// Renames a log that is there with all its parts: `drive.mcap` to `drive-<run>.mcap`.
-fn put_aside(path: &Path) -> io::Result<()> {
+/// Renames a log with all its parts, if there is one: `drive.mcap` to `drive-<run>.mcap`.
+fn rename_existing(path: &Path) -> io::Result<()> {
     let parts = following_parts(path)?;
     if !path.exists() && parts.is_empty() {
         return Ok(());
@@ -103,15 +103,15 @@ fn put_aside(path: &Path) -> io::Result<()> {
     let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy())).unwrap_or_default();
     let names = std::iter::once(String::new()).chain((2_u32..).map(|number| format!("-{number}")));
     let mut candidates = names.map(|more| path.with_file_name(format!("{stem}-{name}{more}{extension}")));
-    let is_free = |aside: &PathBuf| !aside.exists() && following_parts(aside).is_ok_and(|parts| parts.is_empty());
-    let aside = candidates.find(is_free).ok_or_else(|| io::Error::other("no name is left for the log of an earlier run"))?;
+    let is_free = |path: &PathBuf| !path.exists() && following_parts(path).is_ok_and(|parts| parts.is_empty());
+    let new_path = candidates.find(is_free).ok_or_else(|| io::Error::other("every name for the log of an earlier run is taken"))?;
     if path.exists() {
-        fs::rename(path, &aside)?;
+        fs::rename(path, &new_path)?;
     }
     for (number, part) in parts {
-        fs::rename(part, part_path(&aside, number))?;
+        fs::rename(part, part_path(&new_path, number))?;
     }
-    tracing::info!("the log of an earlier run is kept as {}", aside.display());
+    tracing::info!("the log of an earlier run is kept as {}", new_path.display());
     Ok(())
 }
 
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_piece_is_appended_whole_or_not_at_all() {
+    fn a_failed_append_leaves_the_file_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out/drive.mcap");
         let mut file = LogFile::first(&path).unwrap();
@@ -128,14 +128,14 @@ mod tests {
         file.append(b"two").unwrap();
         assert_eq!((fs::read(&path).unwrap().as_slice(), file.bytes()), (b"one two".as_slice(), 7));
 
-        // A device that is always full.
+        // A device without space.
         let mut full = LogFile { file: File::options().write(true).open("/dev/full").unwrap(), path: "/dev/full".into(), bytes: 0 };
         assert_eq!(full.append(b"three").unwrap_err().kind(), io::ErrorKind::StorageFull);
         assert_eq!(full.bytes(), 0);
     }
 
     #[test]
-    fn parts_follow_each_other_and_a_new_run_keeps_what_was_there() {
+    fn parts_are_numbered_and_a_new_run_renames_them() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         for (number, expected) in ["drive.mcap", "drive.2.mcap", "drive.3.mcap"].iter().enumerate() {
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_in_its_own_log_only_and_nothing_is_written_over() {
+    fn a_run_continues_its_own_log_and_overwrites_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         let begin = |run: u64| {
@@ -164,7 +164,7 @@ mod tests {
             file.path().file_name().unwrap().to_str().unwrap().to_owned()
         };
         assert_eq!((begin(1), begin(1)), ("drive.mcap".to_owned(), "drive.2.mcap".to_owned()));
-        // A recorder of another run, killed before it wrote anything, and the next one of that run.
+        // A recorder of another run, killed before it wrote anything, and the next recorder of that run.
         drop(LogFile::of_run(&path, 2).unwrap());
         assert_eq!((begin(2), begin(2)), ("drive.mcap".to_owned(), "drive.2.mcap".to_owned()));
         for unreadable in [b"one", b"two"] {
@@ -173,8 +173,8 @@ mod tests {
             begin(3);
             fs::remove_file(&path).unwrap();
         }
-        let kept = |name: &str| fs::read(folder.path().join(name)).unwrap();
-        assert_eq!((kept("drive-unreadable.mcap"), kept("drive-unreadable-2.mcap")), (b"one".to_vec(), b"two".to_vec()));
+        let content = |name: &str| fs::read(folder.path().join(name)).unwrap();
+        assert_eq!((content("drive-unreadable.mcap"), content("drive-unreadable-2.mcap")), (b"one".to_vec(), b"two".to_vec()));
         assert!(folder.path().join("drive-0000000000000001.2.mcap").exists());
     }
 }

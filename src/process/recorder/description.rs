@@ -1,4 +1,4 @@
-//! What the log of a deployment starts with.
+//! The preamble of a log, from the settings.
 
 use drivelog::Preamble;
 use messages::Pose;
@@ -17,7 +17,7 @@ pub(super) fn describe(run: u64, settings: &Settings) -> Result<Preamble, Settin
         robot: model.name.to_owned(),
         sonars: ring.into_iter().map(|(x_m, y_m, deg): (f64, f64, f64)| Pose { x_m, y_m, yaw_rad: deg.to_radians() }).collect(),
         origin: format!("recorded by stillmap {} as deployment {}", env!("CARGO_PKG_VERSION"), settings.name),
-        // Who may look at the page says nothing of the drive, and a token is not for logs.
+        // A log is given to others: it must not contain the token of the page.
         settings: Settings { viewer: Viewer::default(), ..settings.clone() }.to_toml()?,
     })
 }
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ring_is_the_models_unless_the_settings_have_one() {
+    fn the_sonar_ring_of_the_settings_replaces_that_of_the_model() {
         let mut settings = Settings::default();
         let preamble = describe(1, &settings).unwrap();
         assert_eq!((preamble.robot.as_str(), preamble.sonars.len()), ("pioneer-1", 7));
@@ -47,6 +47,6 @@ mod tests {
         let preamble = describe(1, &settings).unwrap();
         assert_eq!(preamble.robot, "p3-dx");
         assert_eq!(preamble.sonars, [Pose { x_m: 0.5, y_m: 0.0, yaw_rad: -std::f64::consts::FRAC_PI_2 }]);
-        assert_eq!(Settings::parse("log", &preamble.settings).unwrap(), settings, "the log's settings are those of the run");
+        assert_eq!(Settings::parse("log", &preamble.settings).unwrap(), settings, "settings in the log");
     }
 }
