@@ -6,7 +6,7 @@ use crate::output;
 use crate::running::choose;
 use bus::{Reader, Received, RunningDomain};
 use clap::Args;
-use injector::{Ballast, Deed, Harm, News, Timetable, Victim, Wish};
+use injector::{Action, MemoryFill, ProcessAction, Report, Schedule, Source, Target};
 use messages::DeploymentStatus;
 use runtime::Tool;
 use settings::{
@@ -15,7 +15,7 @@ use settings::{
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Clone, Args)]
-#[command(group = clap::ArgGroup::new("whom"))]
+#[command(group = clap::ArgGroup::new("target"))]
 pub(crate) struct InjectArgs {
     /// Fault to inject
     ///
@@ -38,10 +38,10 @@ pub(crate) struct InjectArgs {
     #[arg(value_name = "KIND", verbatim_doc_comment, value_parser = kind)]
     pub(crate) kind: FaultKind,
     /// Service whose messages are affected, such as robot/scan. It must be routed through an injector in the settings
-    #[arg(long, value_name = "NAME", group = "whom", value_parser = service)]
+    #[arg(long, value_name = "NAME", group = "target", value_parser = service)]
     pub(crate) service: Option<RoutedService>,
     /// Process that is affected
-    #[arg(long, value_name = "NAME", group = "whom", value_parser = process_name)]
+    #[arg(long, value_name = "NAME", group = "target", value_parser = process_name)]
     pub(crate) process: Option<Name>,
     /// Share of the messages that are affected, or of the time that a slowed process is stopped, from 0 to 1
     #[arg(long, value_name = "SHARE", default_value = "1", value_parser = within::<FaultRate>, allow_negative_numbers = true)]
@@ -59,10 +59,10 @@ pub(crate) struct InjectArgs {
     pub(crate) which: Which,
 }
 
-/// How long a supervisor may take to tell which processes there are; it does so once a second.
+/// How long to wait for a status of the supervisor, which publishes one a second.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Makes the fault: one of a service is the injector's to make, one of a process or of memory is made here until it is over.
+/// Injects a fault. A fault of a service is handed to the injector; one of a process or of memory is carried out here until it ends.
 pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<()> {
     let fault = planned(options)?;
     let domain = choose(&options.which)?;
@@ -71,12 +71,12 @@ pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<()> {
         Disturbance::Service { service, .. } => {
             let name = service.name();
             if !settings.routed_services().contains(service) {
-                let how = format!("a process that runs \"injector\", and {name} in [injector] services");
-                let lacks = format!("{name} does not go through an injector in deployment {}: it needs {how}", domain.name());
-                return Err(BadInput(format!("--service {lacks}")).into());
+                let needed = format!("a process that runs \"injector\", and {name} in [injector] services");
+                let problem = format!("{name} is not routed through an injector in deployment {}: it needs {needed}", domain.name());
+                return Err(BadInput(format!("--service {problem}")).into());
             }
-            injector::give_order(domain.directory(), &fault)?;
-            output::line(News::begins(&fault, Wish::Asked).text())?;
+            injector::request_fault(domain.directory(), &fault)?;
+            output::line(Report::begins(&fault, Source::Request).text())?;
             Ok(())
         }
         Disturbance::Process { process, .. } => {
@@ -84,101 +84,101 @@ pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<()> {
                 let process = process.as_str();
                 return Err(BadInput(format!("--process {process}: deployment {} has no such process", domain.name())).into());
             }
-            disturb(&domain, process, &fault)
+            act_on_process(&domain, process, &fault)
         }
-        Disturbance::Memory => take_memory(&fault),
+        Disturbance::Memory => fill_memory(&fault),
     }
 }
 
-/// The fault of the options; it begins at once.
+/// The fault that the arguments describe; it begins at once.
 fn planned(options: &InjectArgs) -> Result<PlannedFault, BadInput> {
     let InjectArgs { kind, service, process, rate, for_s, by_s, seed, which: _ } = options.clone();
-    let whom = match (&service, &process) {
+    let target = match (&service, &process) {
         (Some(service), _) => format!(" --service {}", service.name()),
         (None, Some(process)) => format!(" --process {}", process.as_str()),
         (None, None) => String::new(),
     };
-    let no_such = |error| BadInput(format!("{}{whom}: {error}", kind.name()));
+    let no_such = |error| BadInput(format!("{}{target}: {error}", kind.name()));
     let disturbance = Disturbance::new(service, process, kind).map_err(no_such)?;
     let seed = seed.try_into().map_err(|error| BadInput(format!("--seed {error}")))?;
     Ok(PlannedFault { disturbance, rate, from_s: FaultStart::default(), for_s, by_s, seed })
 }
 
-/// Disturbs a process until the fault is over; seconds here are those of the wall clock.
-fn disturb(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<()> {
+/// Acts on a process until the fault ends. Times are those of the wall clock.
+fn act_on_process(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<()> {
     let mut tool = Tool::join(domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
-    let mut timetable = Timetable::default();
-    timetable.plan(fault, Wish::Asked, 0.0, -1.0);
+    let mut schedule = Schedule::default();
+    schedule.add(fault, Source::Request, 0.0, -1.0);
     let mut pid = None;
     let asked = Instant::now();
     while pid.is_none() {
         if asked.elapsed() > PATIENCE {
-            return Err(anyhow::anyhow!("{} is not running, or its supervisor does not answer", process.as_str()));
+            return Err(anyhow::anyhow!("{} is not running, or the supervisor does not respond", process.as_str()));
         }
         tool.wait(Duration::from_millis(20))?;
-        hear(&mut statuses, process, &mut pid)?;
+        read_pid(&mut statuses, process, &mut pid)?;
     }
     let started = Instant::now();
     loop {
-        hear(&mut statuses, process, &mut pid)?;
+        read_pid(&mut statuses, process, &mut pid)?;
         let now_s = started.elapsed().as_secs_f64();
-        for deed in timetable.due(now_s) {
-            let harm = match deed {
-                Deed::Suffer(_, harm) => harm,
-                Deed::Tell(news) => {
-                    output::line(news.text())?;
+        for action in schedule.due(now_s) {
+            let action = match action {
+                Action::Process(_, action) => action,
+                Action::Log(report) => {
+                    output::line(report.text())?;
                     continue;
                 }
-                Deed::FillMemory | Deed::FreeMemory => continue,
+                Action::FillMemory | Action::ReleaseMemory => continue,
             };
-            let done = pid.map(|pid| Victim::find(domain.pid(), pid).and_then(|victim| victim.suffer(harm)));
-            match (done, harm) {
-                (Some(Ok(())), Harm::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
+            let result = pid.map(|pid| Target::find(domain.pid(), pid).and_then(|target| target.apply(action)));
+            match (result, action) {
+                (Some(Ok(())), ProcessAction::Kill) => output::line(&format!("{}: killed", process.as_str()))?,
                 (Some(Ok(())), _) | (None, _) => {}
-                // It died of it, or of something else: the next incarnation is heard of soon.
+                // The process has died; the next status has the id of its successor.
                 (Some(Err(error)), _) => tracing::debug!("{error}"),
             }
         }
-        match timetable.next_s(now_s) {
+        match schedule.next_s(now_s) {
             None => return Ok(()),
             Some(next_s) => tool.wait(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0)))?,
         }
     }
 }
 
-/// Takes what is free of shared memory, again and again, until the fault is over.
-fn take_memory(fault: &PlannedFault) -> anyhow::Result<()> {
-    let mut ballast = Ballast::default();
-    let mut timetable = Timetable::default();
-    timetable.plan(fault, Wish::Asked, 0.0, -1.0);
+/// Takes all free shared memory, repeatedly, until the fault ends.
+fn fill_memory(fault: &PlannedFault) -> anyhow::Result<()> {
+    let mut memory = MemoryFill::default();
+    let mut schedule = Schedule::default();
+    schedule.add(fault, Source::Request, 0.0, -1.0);
     let started = Instant::now();
-    let mut said = false;
+    let mut reported = false;
     loop {
         let now_s = started.elapsed().as_secs_f64();
-        for deed in timetable.due(now_s) {
-            match deed {
-                Deed::FillMemory => {
-                    ballast.fill().map_err(|error| BadInput(error.to_string()))?;
-                    if !std::mem::replace(&mut said, true) {
-                        output::line(&format!("{} bytes of shared memory are taken for {} s", ballast.bytes(), fault.for_s.get()))?;
+        for action in schedule.due(now_s) {
+            match action {
+                Action::FillMemory => {
+                    memory.fill().map_err(|error| BadInput(error.to_string()))?;
+                    if !std::mem::replace(&mut reported, true) {
+                        output::line(&format!("takes {} bytes of shared memory for {} s", memory.bytes(), fault.for_s.get()))?;
                     }
                 }
-                Deed::FreeMemory => ballast.free(),
-                // That it begins is told once it is known how much there is to take.
-                Deed::Tell(News::Begins(_)) | Deed::Suffer(..) => {}
-                Deed::Tell(news) => output::line(news.text())?,
+                Action::ReleaseMemory => memory.release(),
+                // The begin is printed above, with the number of bytes.
+                Action::Log(Report::Begins(_)) | Action::Process(..) => {}
+                Action::Log(report) => output::line(report.text())?,
             }
         }
-        match timetable.next_s(now_s) {
+        match schedule.next_s(now_s) {
             None => return Ok(()),
             Some(next_s) => std::thread::sleep(Duration::from_secs_f64((next_s - now_s).clamp(0.001, 1.0))),
         }
     }
 }
 
-/// Takes note of the process's id; it stays what it was when no news came.
-fn hear(statuses: &mut Reader<DeploymentStatus>, process: &Name, pid: &mut Option<u32>) -> anyhow::Result<()> {
+/// Updates the id of the process, if a status came.
+fn read_pid(statuses: &mut Reader<DeploymentStatus>, process: &Name, pid: &mut Option<u32>) -> anyhow::Result<()> {
     while let Some(received) = statuses.take()? {
         if let Received::Message(status) = received {
             let all = status.processes.iter().take(status.count as usize);
@@ -210,7 +210,7 @@ fn process_name(text: &str) -> Result<Name, String> {
 
 /// A number within the limits of its setting.
 fn within<T: TryFrom<f64, Error = OutOfRange>>(text: &str) -> Result<T, String> {
-    // What is no number is within no limits.
+    // NaN is outside every range.
     let number = text.parse().unwrap_or(f64::NAN);
     T::try_from(number).map_err(|refused| format!("expected {}", refused.expected))
 }
@@ -220,7 +220,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_fault_names_what_there_is_and_numbers_that_can_be_meant() {
+    fn kinds_services_names_and_ranges_are_checked() {
         assert_eq!((kind("drop"), service("map/verdict")), (Ok(FaultKind::Drop), Ok(RoutedService::Verdict)));
         assert!(kind("Drop").unwrap_err().ends_with("slow, disk or memory"));
         assert_eq!(service("map/tile"), Err("expected robot/scan, motion/sonar, motion/camera or map/verdict".to_owned()));

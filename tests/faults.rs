@@ -123,7 +123,7 @@ fn told(output: &std::process::Output) -> Vec<String> {
 
 #[test]
 fn status_names_what_was_refused() {
-    const CORRUPTS: &str = "disturbs robot/scan as asked: corrupt, rate 0.5, for 5 s";
+    const CORRUPTS: &str = "disturbs robot/scan as requested: corrupt, rate 0.5, for 5 s";
     let bench = Bench::new();
     let more = format!("{INJECTOR}[injector]\nservices = [\"robot/scan\", \"motion/sonar\"]\n");
     let run = live(&bench, &more, "");
@@ -144,15 +144,15 @@ fn status_names_what_was_refused() {
     let fti = bench.wait_for("fti", "it says what it lacks", |it| it["note"].as_str().is_some_and(|note| note.contains("no sonar motion")));
     let since = fti["note"].as_str().unwrap().split("no sonar motion since ").nth(1).and_then(|rest| rest.split_once(" s"));
     assert!(since.is_some_and(|(since, _)| (0.0..3600.0).contains(&since.parse::<f64>().unwrap())), "since the run began: {fti}");
-    assert_eq!(told(&inject(&["--process", "std", "kill"])), ["kills std as asked", "std: killed"]);
+    assert_eq!(told(&inject(&["--process", "std", "kill"])), ["kills std as requested", "std: killed"]);
     drop(bench.wait_for("std", "it is back", |it| it["restarts"] == 1 && it["state"] == "running"));
     let ended = run.end();
     assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
     assert!(text(&ended.stdout).contains("std once"), "{}", text(&ended.stdout));
     let said = text(&ended.stderr);
-    let [begins, over] = [CORRUPTS, "robot/scan is disturbed no longer: corrupt"].map(|words| said.find(words));
+    let [begins, over] = [CORRUPTS, "robot/scan is no longer disturbed: corrupt"].map(|words| said.find(words));
     assert!(begins.is_some() && begins < over, "{said}");
-    assert_eq!(told(&inject_stop), ["stops recorder as asked, for 0.5 s", "recorder is stopped no longer"]);
+    assert_eq!(told(&inject_stop), ["stops recorder as requested, for 0.5 s", "recorder is no longer stopped"]);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn a_hung_process_is_killed_and_a_crash_loop_fails_while_the_rest_goes_on() {
     let times = if killed == 1 { "once".to_owned() } else { format!("{killed} times") };
     assert!(killed > 0 && stdout.contains(&format!("std {times}")), "{stdout}{stderr}");
     assert!(stdout.contains("failed     fti") && stdout.contains("map sha256"), "{stdout}");
-    for words in ["stops std as set, for 60 s", "kills fti as set, every 0.1 s, to the end"] {
+    for words in ["stops std as configured, for 60 s", "kills fti as configured, every 0.1 s, until the end"] {
         assert_eq!(stderr.lines().filter(|line| line.contains(words)).count(), 1, "{words}: {stderr}");
     }
 }
@@ -210,8 +210,8 @@ fn a_full_disk_stops_the_recording_and_a_new_file_goes_on() {
     assert!(stderr.contains("the log file has reached its size limit") && stderr.contains("messages are not recorded"), "{stderr}");
     assert!(stderr.contains("recording resumed in"), "{stderr}");
     let said = |words: &str| stderr.find(words).unwrap_or_else(|| panic!("{words}: {stderr}"));
-    assert!(said("fills the disk of recorder as set, for 8 s") < said("the log file has reached its size limit"), "{stderr}");
-    assert!(said("the disk of recorder is full no longer") < said("recording resumed in"), "{stderr}");
+    assert!(said("fills the disk of recorder as configured, for 8 s") < said("the log file has reached its size limit"), "{stderr}");
+    assert!(said("the disk of recorder is no longer full") < said("recording resumed in"), "{stderr}");
     assert!(!stdout.contains("restarted"), "{stdout}");
     let out = bench.path("live-out");
     assert!(out.join("drive.2.mcap").exists());

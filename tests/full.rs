@@ -99,7 +99,7 @@ fn the_fault_that_takes_shared_memory_gives_it_back() {
     let told = text(&injected.stdout);
     let told: Vec<&str> = told.lines().collect();
     assert!(
-        matches!(told.as_slice(), [taken, "shared memory is held no longer"] if taken.ends_with("bytes of shared memory are taken for 1 s")),
+        matches!(told.as_slice(), [taken, "the shared memory is released"] if taken.ends_with("bytes of shared memory for 1 s")),
         "{told:?}"
     );
     drop(run.wait_for_line("/dev/shm is full: nothing is started until there is room"));
@@ -117,7 +117,7 @@ fn shared_memory_as_large_as_the_computers_is_not_taken() {
     let more = "[[process]]\nname = \"injector\"\nrun = \"injector\"\n[[fault]]\nkind = \"memory\"\n";
     let settings = bench.write("replay.toml", &replay_settings("replay", &DRIVE.1, more));
     let mut run = on_a_small_disk(&bench, Path::new("/dev/shm"), "2g", &["run", settings.to_str().unwrap()]);
-    drop(run.wait_for_line("takes what is free of shared memory as set, to the end"));
+    drop(run.wait_for_line("takes all free shared memory as configured, until the end"));
     let said = run.wait_for_line("shared memory is not taken");
     assert!(said.contains("/dev/shm has ") && said.contains("expected at most 1073741824"), "{said}");
     let ended = run.end();

@@ -1,19 +1,19 @@
-//! One routed service on the bus.
+//! A routed service on the bus.
 
-use ::injector::{Cargo, Counts, Line, News};
+use ::injector::{Counts, Envelope, FaultQueue, Report, Source};
 use bus::{BusError, Injection, Raw, Tap};
 use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
 use runtime::Shell;
 use settings::{PlannedFault, RoutedService, StreamFault};
 
-/// Most messages taken in one round, so that the heartbeat is never late.
-const TAKEN_PER_ROUND: usize = 256;
+/// Most messages taken in one step, so that a flood does not delay the heartbeat.
+const MOST_AT_ONCE: usize = 256;
 
-/// A message as it is in shared memory, which the line carries.
+/// A message as it is in shared memory.
 #[derive(Clone)]
-struct Parcel<T: Payload>(Raw<T>);
+struct RawMessage<T: Payload>(Raw<T>);
 
-impl<T: Payload> Cargo for Parcel<T> {
+impl<T: Payload> Envelope for RawMessage<T> {
     fn seq(&self) -> u64 {
         self.0.seq()
     }
@@ -26,62 +26,65 @@ impl<T: Payload> Cargo for Parcel<T> {
         self.0.is_end()
     }
 
-    fn turn_over(&mut self, bit: u64) {
+    fn flip_bit(&mut self, bit: u64) {
         self.0.turn_over(bit);
     }
 
-    fn leave_gap(&mut self) {
+    fn make_gap(&mut self) {
         self.0.leave_gap();
     }
 
-    fn put_forward(&mut self, by_ns: u64) {
+    fn advance_stamp(&mut self, by_ns: u64) {
         self.0.put_forward(by_ns);
     }
 }
 
-/// A service on its way through the injector, whatever it carries.
+/// A service on its way through the injector, of any payload.
 pub(super) trait Relay {
-    /// Takes what waits and gives what may go on; true when there may be more.
+    /// Receives what waits and sends what is due; true when more may wait.
     fn carry(&mut self, now_ns: u64) -> Result<bool, BusError>;
-    /// Gives everything that is held back.
+    /// Sends everything that is held back.
     fn flush(&mut self) -> Result<(), BusError>;
-    /// When something held back is due, ns of deployment time.
+    /// When the next message is due, ns of deployment time.
     fn due_ns(&self) -> Option<u64>;
-    /// Adds a fault of the settings.
-    fn plan(&mut self, kind: StreamFault, fault: &PlannedFault);
-    /// Adds a fault that begins now.
-    fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault);
-    /// What has been done.
+    /// Adds a fault.
+    fn add(&mut self, kind: StreamFault, fault: &PlannedFault, source: Source);
+    /// What was done to the messages so far.
     fn counts(&self) -> Counts;
-    /// What is to be told of its faults since this was last asked.
-    fn take_news(&mut self) -> Vec<News>;
+    /// Removes and returns the reports about faults.
+    fn take_reports(&mut self) -> Vec<Report>;
     /// Stamp of the first message, ns.
-    fn began_ns(&self) -> Option<u64>;
+    fn first_ns(&self) -> Option<u64>;
 }
 
 struct Carrier<T: Payload> {
     tap: Tap<T>,
     injection: Injection<T>,
-    line: Line<Parcel<T>>,
+    queue: FaultQueue<RawMessage<T>>,
 }
 
-/// Opens a routed service; `began_ns` is the stamp of its first message when an earlier incarnation has seen it, and with
-/// `tells_gaps` its readers are told what is left out.
-pub(super) fn open(shell: &mut Shell, service: RoutedService, began_ns: Option<u64>, tells_gaps: bool) -> Result<Box<dyn Relay>, BusError> {
+/// Opens a routed service. `first_ns` is the stamp of its first message, if an earlier incarnation received it. With
+/// `announces_gaps` its readers receive a notice for each dropped message.
+pub(super) fn open(
+    shell: &mut Shell,
+    service: RoutedService,
+    first_ns: Option<u64>,
+    announces_gaps: bool,
+) -> Result<Box<dyn Relay>, BusError> {
     Ok(match service {
-        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, began_ns, tells_gaps)?),
-        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, began_ns, tells_gaps)?),
-        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, began_ns, tells_gaps)?),
-        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, began_ns, tells_gaps)?),
+        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, first_ns, announces_gaps)?),
+        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, first_ns, announces_gaps)?),
+        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, first_ns, announces_gaps)?),
+        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, first_ns, announces_gaps)?),
     })
 }
 
 impl<T: Payload> Carrier<T> {
-    fn open(shell: &mut Shell, began_ns: Option<u64>, tells_gaps: bool) -> Result<Self, BusError> {
-        Ok(Self { tap: shell.tap()?, injection: shell.injection()?, line: Line::new(began_ns, tells_gaps) })
+    fn open(shell: &mut Shell, first_ns: Option<u64>, announces_gaps: bool) -> Result<Self, BusError> {
+        Ok(Self { tap: shell.tap()?, injection: shell.injection()?, queue: FaultQueue::new(first_ns, announces_gaps) })
     }
 
-    fn give(&self, messages: &[Parcel<T>]) -> Result<(), BusError> {
+    fn send(&self, messages: &[RawMessage<T>]) -> Result<(), BusError> {
         messages.iter().try_for_each(|message| self.injection.send(&message.0))
     }
 }
@@ -89,45 +92,41 @@ impl<T: Payload> Carrier<T> {
 impl<T: Payload> Relay for Carrier<T> {
     fn carry(&mut self, now_ns: u64) -> Result<bool, BusError> {
         let mut due = Vec::new();
-        self.line.release(now_ns, &mut due);
+        self.queue.release(now_ns, &mut due);
         let mut taken = 0;
-        while taken < TAKEN_PER_ROUND
+        while taken < MOST_AT_ONCE
             && let Some(message) = self.tap.take()?
         {
-            self.line.take(Parcel(message), now_ns, &mut due);
+            self.queue.push(RawMessage(message), now_ns, &mut due);
             taken += 1;
         }
-        self.give(&due)?;
-        Ok(taken == TAKEN_PER_ROUND)
+        self.send(&due)?;
+        Ok(taken == MOST_AT_ONCE)
     }
 
     fn flush(&mut self) -> Result<(), BusError> {
         let mut rest = Vec::new();
-        self.line.flush(&mut rest);
-        self.give(&rest)
+        self.queue.flush(&mut rest);
+        self.send(&rest)
     }
 
     fn due_ns(&self) -> Option<u64> {
-        self.line.due_ns()
+        self.queue.due_ns()
     }
 
-    fn plan(&mut self, kind: StreamFault, fault: &PlannedFault) {
-        self.line.plan(kind, fault);
-    }
-
-    fn disturb(&mut self, kind: StreamFault, fault: &PlannedFault) {
-        self.line.disturb(kind, fault);
+    fn add(&mut self, kind: StreamFault, fault: &PlannedFault, source: Source) {
+        self.queue.add(kind, fault, source);
     }
 
     fn counts(&self) -> Counts {
-        self.line.counts()
+        self.queue.counts()
     }
 
-    fn take_news(&mut self) -> Vec<News> {
-        self.line.take_news()
+    fn take_reports(&mut self) -> Vec<Report> {
+        self.queue.take_reports()
     }
 
-    fn began_ns(&self) -> Option<u64> {
-        self.line.began_ns()
+    fn first_ns(&self) -> Option<u64> {
+        self.queue.first_ns()
     }
 }
