@@ -4,7 +4,7 @@
 use libfuzzer_sys::arbitrary::{self, Arbitrary};
 use libfuzzer_sys::fuzz_target;
 use messages::{CameraStatus, FrameLayout, Payload};
-use sbs::{Frame, Method, Odometry, Settings, State};
+use sbs::{Frame, Method, Odometry, Parameters, State};
 
 /// A frame made of few numbers.
 #[derive(Debug, Arbitrary)]
@@ -66,9 +66,9 @@ impl Picture {
 
 fuzz_target!(|input: Input| {
     let method = if input.icp { Method::Icp } else { Method::Direct };
-    let settings =
-        Settings { training_frames: usize::from(input.training_frames % 5), method, horizon: input.horizon, ..Settings::default() };
-    let mut state = State::new(settings.clone());
+    let parameters =
+        Parameters { training_frames: usize::from(input.training_frames % 5), method, horizon: input.horizon, ..Parameters::default() };
+    let mut state = State::new(parameters.clone());
     let mut last_ns = None;
     for picture in input.pictures.iter().take(12) {
         let layout = picture.layout();
@@ -89,5 +89,5 @@ fuzz_target!(|input: Input| {
     }
     // What was saved goes on as if nothing had happened.
     let bytes = state.save();
-    assert!(State::restore(settings, &bytes).unwrap().save() == bytes);
+    assert!(State::restore(parameters, &bytes).unwrap().save() == bytes);
 });

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use messages::{FrameLayout, Payload, PixelFormat};
-use sbs::{Frame, Settings, State};
+use sbs::{Frame, Parameters, State};
 
 const WIDTH: u32 = 80;
 const HEIGHT: u32 = 60;
@@ -16,7 +16,7 @@ fn frame(number: u64) -> Vec<u8> {
 }
 
 static SOUND: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let mut state = State::new(Settings { training_frames: 2, ..Settings::default() });
+    let mut state = State::new(Parameters { training_frames: 2, ..Parameters::default() });
     for number in 0..3 {
         state.step(&Frame { stamp_ns: number + 1, layout: LAYOUT, bytes: &frame(number), odometry: None });
     }
@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
             saved.iter_mut().skip(at).zip(value).take(count).for_each(|(byte, value)| *byte = value);
         }
     }
-    if let Ok(mut state) = State::restore(Settings::default(), &saved) {
+    if let Ok(mut state) = State::restore(Parameters::default(), &saved) {
         let answer = state.step(&Frame { stamp_ns: u64::MAX, layout: LAYOUT, bytes: &frame(9), odometry: None });
         answer.motion.validate().unwrap();
     }

@@ -13,7 +13,7 @@ use indicatif::MultiProgress;
 use messages::{CameraStatus, FrameLayout, PixelFormat};
 use sbs::plane::Plane;
 use sbs::score::Score;
-use sbs::{Answer, Frame, Refusal, Remark, Settings, State};
+use sbs::{Answer, Frame, Parameters, Refusal, Remark, State};
 use sequence::Sequence;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -91,9 +91,9 @@ struct Outcome {
 pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
     let mut sequence = Sequence::open(&options.frames_file, &options.labels_file)?;
     let mut album = options.out.as_deref().map(Album::new).transpose()?;
-    let settings = Settings { horizon: options.horizon, method: options.compensation.into(), ..Settings::default() };
+    let parameters = Parameters { horizon: options.horizon, method: options.compensation.into(), ..Parameters::default() };
     let bar = progress::of_bytes(bars, sequence.bytes());
-    let outcome = run(&mut sequence, album.as_mut(), settings, options, |offset| bar.set_position(offset));
+    let outcome = run(&mut sequence, album.as_mut(), parameters, options, |offset| bar.set_position(offset));
     bar.finish_and_clear();
     let outcome = outcome?;
     if let Some(album) = album {
@@ -115,11 +115,11 @@ pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
 fn run(
     sequence: &mut Sequence,
     mut album: Option<&mut Album>,
-    settings: Settings,
+    parameters: Parameters,
     options: &CameraArgs,
     progress: impl Fn(u64),
 ) -> Result<Outcome> {
-    let (mut state, mut outcome) = (State::new(settings), Outcome::default());
+    let (mut state, mut outcome) = (State::new(parameters), Outcome::default());
     let (width, height) = sequence.size();
     let layout = FrameLayout { width: width as u32, height: height as u32, stride: width as u32, format: PixelFormat::Grey as u32 };
     while let Some(pair) = sequence.next()? {

@@ -35,7 +35,7 @@ fn frame(seq: u64) -> (u64, FrameLayout, Vec<u8>) {
 }
 
 fn fold() -> (Vec<Answer>, State) {
-    let mut state = State::new(sbs::Settings::default());
+    let mut state = State::new(sbs::Parameters::default());
     let answers = (1..=FRAMES).map(|seq| {
         let (stamp_ns, layout, bytes) = frame(seq);
         state.step(&Frame { stamp_ns, layout, bytes: &bytes, odometry: None })

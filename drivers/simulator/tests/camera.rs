@@ -5,7 +5,7 @@ use messages::{FrameLayout, PixelFormat, Pose};
 use proptest::prelude::*;
 use sbs::plane::Plane;
 use sbs::score::Score;
-use sbs::{Frame, Settings, State};
+use sbs::{Frame, Parameters, State};
 use stillmap_simulator::camera::{Camera, Flaws, LABEL_BACKGROUND, LABEL_SHADOW, LABEL_WALKER, Moment, Picture};
 use stillmap_simulator::{Optics, World};
 
@@ -152,7 +152,7 @@ fn driving_shakes_the_camera_and_standing_does_not() {
 fn score(seed: u64, pose: impl Fn(f64) -> (Pose, f64)) -> Score {
     let mut camera = Camera::new(&world(&format!("{CORRIDOR}{WALKERS}")), &optics([160, 120]), &Flaws::default(), seed);
     let layout = FrameLayout { width: 160, height: 120, stride: 160, format: PixelFormat::Grey as u32 };
-    let (mut state, mut score, mut picture) = (State::new(Settings::default()), Score::default(), Picture::default());
+    let (mut state, mut score, mut picture) = (State::new(Parameters::default()), Score::default(), Picture::default());
     for number in 1..=120 {
         let time_s = number as f64 / 15.0;
         let (robot, covered_m) = pose(time_s);

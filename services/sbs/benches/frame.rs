@@ -5,7 +5,7 @@
 mod common;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use stillmap_sbs::{Settings, State};
+use stillmap_sbs::{Parameters, State};
 
 /// Frames that are run through before and during the measurement, back and forth.
 const FRAMES: u64 = 40;
@@ -20,7 +20,7 @@ fn bench(c: &mut Criterion) {
                 common::picture(width, height, [pan * t, 0.0], Some(figure), n)
             };
             let frames: Vec<Vec<u8>> = (0..FRAMES).chain((0..FRAMES).rev()).map(frame).collect();
-            let mut state = State::new(Settings { training_frames: 0, ..Settings::default() });
+            let mut state = State::new(Parameters { training_frames: 0, ..Parameters::default() });
             let layout = common::grey(width, height);
             let mut n = 0;
             c.bench_function(&format!("frame/{width}x{height}/{name}"), |b| {

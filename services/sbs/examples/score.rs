@@ -1,6 +1,6 @@
 //! Scores SBS on sequences with truth: `score [key=value ...] PREFIX ...` reads `PREFIX.frames.y4m` and `PREFIX.labels.y4m`.
 //!
-//! Keys are settings (see `set`), `from` and `to`, the first and last frame scored, and `dump`, a folder for raw pictures (frame,
+//! Keys are parameters (see `set`), `from` and `to`, the first and last frame scored, and `dump`, a folder for raw pictures (frame,
 //! truth, mask, background of each frame).
 #![allow(clippy::print_stdout, reason = "a command")]
 
@@ -13,11 +13,11 @@ use stillmap_sbs::plane::Plane;
 use stillmap_sbs::score::Score;
 use stillmap_sbs::transform::Class;
 use stillmap_sbs::y4m::Y4mReader;
-use stillmap_sbs::{Frame, Method, Settings, State};
+use stillmap_sbs::{Frame, Method, Parameters, State};
 
 /// What is scored and how.
 struct Options {
-    settings: Settings,
+    parameters: Parameters,
     from: u64,
     to: u64,
     dump: Option<String>,
@@ -37,20 +37,20 @@ fn main() -> Result<()> {
 }
 
 fn options() -> Result<Options> {
-    let mut options = Options { settings: Settings::default(), from: 30, to: 119, dump: None, prefixes: Vec::new() };
+    let mut options = Options { parameters: Parameters::default(), from: 30, to: 119, dump: None, prefixes: Vec::new() };
     for argument in std::env::args().skip(1) {
         match argument.split_once('=') {
             None => options.prefixes.push(argument),
             Some(("from", value)) => options.from = value.parse()?,
             Some(("to", value)) => options.to = value.parse()?,
             Some(("dump", value)) => options.dump = Some(value.to_owned()),
-            Some((key, value)) => set(&mut options.settings, key, value.parse().with_context(|| argument.clone())?)?,
+            Some((key, value)) => set(&mut options.parameters, key, value.parse().with_context(|| argument.clone())?)?,
         }
     }
     Ok(options)
 }
 
-fn set(s: &mut Settings, key: &str, value: f32) -> Result<()> {
+fn set(s: &mut Parameters, key: &str, value: f32) -> Result<()> {
     match key {
         "method" => s.method = if value > 0.0 { Method::Icp } else { Method::Direct },
         "class" => {
@@ -105,7 +105,7 @@ fn score(prefix: &str, options: &Options) -> Result<()> {
     let layout = FrameLayout { width: width as u32, height: height as u32, stride: width as u32, format: PixelFormat::Grey as u32 };
     let name = prefix.rsplit('/').next().unwrap_or(prefix);
     let mut dump = options.dump.as_ref().map(|folder| File::create(format!("{folder}/{name}.raw"))).transpose()?;
-    let (mut state, mut score) = (State::new(options.settings.clone()), Score::default());
+    let (mut state, mut score) = (State::new(options.parameters.clone()), Score::default());
     let (mut bytes, mut truth) = (Vec::new(), Vec::new());
     let (mut number, mut not_compensated, mut times) = (0_u64, 0_u64, Vec::new());
     while frames.read(&mut bytes)? && labels.read(&mut truth)? {

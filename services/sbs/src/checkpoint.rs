@@ -8,11 +8,11 @@ use crate::field::Field;
 use crate::learning::Training;
 use crate::model::{Gaussians, LearnedShadow, Model};
 use crate::motion::Motion;
+use crate::parameters::Parameters;
 use crate::picture::{HEIGHT_RANGE, WIDTH_RANGE};
 use crate::plane::Plane;
 use crate::pyramid::Pyramid;
 use crate::scene::{Scene, base_size, still_field};
-use crate::settings::Settings;
 use crate::state::State;
 use crate::transform::Transform;
 use crate::working::Working;
@@ -85,11 +85,11 @@ impl State {
         }
     }
 
-    /// The state of bytes that [`State::save`] made, under the same settings.
+    /// The state of bytes that [`State::save`] made, under the same parameters.
     ///
     /// # Errors
     /// [`CheckpointError`]: the bytes are not a state of this version, whole and possible.
-    pub fn restore(settings: Settings, bytes: &[u8]) -> Result<Self, CheckpointError> {
+    pub fn restore(parameters: Parameters, bytes: &[u8]) -> Result<Self, CheckpointError> {
         let mut input = Input { bytes, offset: 0 };
         if input.array::<4>() != Ok(MAGIC) {
             return Err(CheckpointError::Magic);
@@ -101,7 +101,7 @@ impl State {
         let last_stamp_ns = if input.flag()? { Some(u64::from_le_bytes(input.array()?)) } else { None };
         let scene = if input.flag()? { Some(read_scene(&mut input)?) } else { None };
         match bytes.len() - input.offset {
-            0 => Ok(Self { settings, last_stamp_ns, scene }),
+            0 => Ok(Self { parameters, last_stamp_ns, scene }),
             left => Err(CheckpointError::Long { offset: input.offset, left }),
         }
     }

@@ -4,10 +4,10 @@ use crate::agreement::{Agreement, agreement};
 use crate::direct;
 use crate::icp;
 use crate::order;
+use crate::parameters::{Method, Parameters};
 use crate::plane::Plane;
 use crate::pyramid::{LEVELS, Pyramid};
 use crate::samples::strongest;
-use crate::settings::{Method, Settings};
 use crate::transform::Transform;
 
 /// Fewer inliers than this: not compensated.
@@ -49,7 +49,7 @@ pub(crate) struct Frames<'a> {
 }
 
 /// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be believed.
-pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Option<Transform>, settings: &Settings) -> (Found, bool) {
+pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Option<Transform>, parameters: &Parameters) -> (Found, bool) {
     let samples = strongest(frames.current.base(), 0, frames.moving);
     let few = samples.thinned(THINNED);
     let judge =
@@ -60,12 +60,12 @@ pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Op
             best = better(best, judge(guess));
         }
     }
-    let estimate = match settings.method {
+    let estimate = match parameters.method {
         Method::Direct => {
             let coarsest = if best.agreement.inliers >= NEAR { 0 } else { LEVELS - 1 };
-            direct::estimate(frames, &samples, settings.class, best.transform, coarsest)
+            direct::estimate(frames, &samples, parameters.class, best.transform, coarsest)
         }
-        Method::Icp => icp::estimate(frames.current.base(), frames.previous.base(), frames.moving, settings.class, best.transform),
+        Method::Icp => icp::estimate(frames.current.base(), frames.previous.base(), frames.moving, parameters.class, best.transform),
     };
     if let Some(estimate) = estimate {
         best = better(best, judge(estimate));

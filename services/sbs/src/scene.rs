@@ -13,10 +13,10 @@ use crate::local;
 use crate::model::{Model, SET};
 use crate::morphology;
 use crate::motion::{Motion, Places};
+use crate::parameters::Parameters;
 use crate::plane::Plane;
 use crate::pyramid::{self, Pyramid};
 use crate::samples::strongest;
-use crate::settings::Settings;
 use crate::shadow;
 use crate::transform::Transform;
 
@@ -114,14 +114,14 @@ impl Outcome {
 }
 
 impl Scene {
-    pub(crate) fn new(picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Self {
+    pub(crate) fn new(picture: &Plane<f32>, yaw_rad: Option<f64>, parameters: &Parameters) -> Self {
         let (width, height) = (picture.width(), picture.height());
         let base = pyramid::base(picture, halvings(width));
         let still = still_field(base.width(), base.height());
         let mut pyramid = Pyramid::default();
         pyramid.rebuild(base);
-        let mut model = Model::unknown(picture, &settings.background);
-        model.match_values(picture, 1.0, &settings.background);
+        let mut model = Model::unknown(picture, &parameters.background);
+        model.match_values(picture, 1.0, &parameters.background);
         let mut training = Training::default();
         training.push(picture, 1.0);
         Self {
@@ -137,7 +137,7 @@ impl Scene {
             age: Plane::filled(width, height, 0),
             yaw_rad,
             failures: 0,
-            training: (settings.training_frames > 1).then_some(training),
+            training: (parameters.training_frames > 1).then_some(training),
         }
     }
 
@@ -154,35 +154,35 @@ impl Scene {
     }
 
     /// One frame, in the paper's order: motion compensation, detection, update, shadow, blobs.
-    pub(crate) fn step(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings) -> Outcome {
+    pub(crate) fn step(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, parameters: &Parameters) -> Outcome {
         let now = Current::new(picture, self);
         let frames = Frames { current: &now.pyramid, previous: &self.pyramid, moving: &now.moving, gain: now.gain };
-        let focal_px = 0.5 * now.pyramid.base().image.width() as f64 / (0.5 * settings.field_of_view_rad).tan();
+        let focal_px = 0.5 * now.pyramid.base().image.width() as f64 / (0.5 * parameters.field_of_view_rad).tan();
         let turned = self.yaw_rad.zip(yaw_rad).and_then(|(before, now)| compensation::turned(now - before, focal_px));
-        let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, settings);
+        let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, parameters);
         if !believed {
-            return self.not_compensated(picture, yaw_rad, settings, found.scaled(1 << halvings(self.width)));
+            return self.not_compensated(picture, yaw_rad, parameters, found.scaled(1 << halvings(self.width)));
         }
         self.failures = 0;
         self.yaw_rad = yaw_rad;
-        let gain_model = self.compensate(&now, &found, settings);
+        let gain_model = self.compensate(&now, &found, parameters);
         let found = found.scaled(1 << halvings(self.width));
         if self.training.is_some() {
-            self.learn(picture, gain_model, settings);
+            self.learn(picture, gain_model, parameters);
             self.keep(now);
             return Outcome { status: CameraStatus::Learning, found, blobs: Vec::new(), restarted: false };
         }
         let known = morphology::dilated(&self.mask());
-        let (foreground, moved) = self.detect(&now, gain_model, found.agreement.sigma, &known, settings);
-        let first = (settings.horizon * self.height as f32).clamp(0.0, self.height as f32) as usize;
-        let k = settings.background.k;
-        let lit = shadow::dropped(&foreground, picture, &self.model, first, k, &settings.shadow);
+        let (foreground, moved) = self.detect(&now, gain_model, found.agreement.sigma, &known, parameters);
+        let first = (parameters.horizon * self.height as f32).clamp(0.0, self.height as f32) as usize;
+        let k = parameters.background.k;
+        let lit = shadow::dropped(&foreground, picture, &self.model, first, k, &parameters.shadow);
         let cleaned = morphology::closed(&morphology::median(&lit));
         // In a base picture as large as the frame this is what took no part in motion compensation.
         let enlarged = (halvings(self.width) > 0).then(|| morphology::dilated(&morphology::dilated(&self.foreground)));
         let last = enlarged.as_ref().unwrap_or(&now.moving);
         let evidence = Evidence { mask: &cleaned, last, blobs: &known, age: &self.age, moved: &moved, picture, model: &self.model, k };
-        let (blobs, age) = blobs::select(&components(&cleaned), &evidence, &settings.blobs);
+        let (blobs, age) = blobs::select(&components(&cleaned), &evidence, &parameters.blobs);
         self.foreground = cleaned;
         self.age = age;
         self.keep(now);
@@ -195,8 +195,8 @@ impl Scene {
     }
 
     /// The local field on top of T, and the model carried into the current frame. Gives the frame's brightness over the model's.
-    fn compensate(&mut self, now: &Current<'_>, found: &Found, settings: &Settings) -> f32 {
-        let (rule, transform) = (&settings.local, found.transform);
+    fn compensate(&mut self, now: &Current<'_>, found: &Found, parameters: &Parameters) -> f32 {
+        let (rule, transform) = (&parameters.local, found.transform);
         let model_base = pyramid::base(&self.model.background.mean, halvings(self.width));
         let gain_model = compensation::gain(&now.pyramid.base().image, &model_base, &now.moving);
         if self.stands_still(now, found, &model_base, gain_model) {
@@ -212,10 +212,10 @@ impl Scene {
         let to_model = Motion { transform, field: to_previous.field.plus(&self.carry, 1.0) };
         let whole = to_model.displacement();
         let factor = 1_usize << halvings(self.width);
-        if whole.rms() * factor as f32 > settings.resample_px {
+        if whole.rms() * factor as f32 > parameters.resample_px {
             if let Some(motion) = to_model.scaled(factor) {
                 std::mem::swap(&mut self.model, &mut self.spare);
-                self.model.resample(&self.spare, &motion, now.picture, &settings.background);
+                self.model.resample(&self.spare, &motion, now.picture, &parameters.background);
             }
             self.carry = whole.times(0.0);
             // What was seen before is not what these pixels see now.
@@ -238,11 +238,11 @@ impl Scene {
         with_model.support >= found.agreement.support - SUPPORT_STILL
     }
 
-    fn learn(&mut self, picture: &Plane<f32>, gain: f32, settings: &Settings) {
+    fn learn(&mut self, picture: &Plane<f32>, gain: f32, parameters: &Parameters) {
         let Some(training) = &mut self.training else { return };
         training.push(picture, gain);
-        if training.frames.len() >= settings.training_frames {
-            self.model = training.model(picture, &settings.background);
+        if training.frames.len() >= parameters.training_frames {
+            self.model = training.model(picture, &parameters.background);
             self.training = None;
         }
     }
@@ -255,11 +255,11 @@ impl Scene {
         gain_model: f32,
         sigma_hat: Covariance,
         known: &Plane<u8>,
-        settings: &Settings,
+        parameters: &Parameters,
     ) -> (Plane<u8>, Plane<u8>) {
-        let rule = &settings.background;
+        let rule = &parameters.background;
         let mut foreground = self.model.match_values(now.picture, gain_model, rule);
-        let around = neighbours(sigma_hat.times(settings.beta), settings.h_bar);
+        let around = neighbours(sigma_hat.times(parameters.beta), parameters.h_bar);
         let mut moved = Plane::filled(self.width, self.height, 0_u8);
         let halvings = halvings(self.width);
         let (mut places, mut places_of) = (Places::default(), usize::MAX);
@@ -279,7 +279,7 @@ impl Scene {
                 }
                 let base_u = (u >> halvings).min(base.width() - 1);
                 let difference = base.row(base_v)[base_u] - now.gain * before.bilinear(places.u[base_u], places.v[base_u]);
-                let still = difference.abs() < settings.still_level;
+                let still = difference.abs() < parameters.still_level;
                 moved.values_mut()[at] = if still { 0 } else { SET };
                 self.model.feed_candidate(at, z, still & (known.values()[at] == 0), rule);
             }
@@ -288,13 +288,13 @@ impl Scene {
     }
 
     /// The frame before stays the one to compare with: after one that is spoilt things go on as they were.
-    fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, settings: &Settings, found: Found) -> Outcome {
+    fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, parameters: &Parameters, found: Found) -> Outcome {
         self.failures += 1;
         self.forget_motion();
         self.age.values_mut().fill(0);
         let restarted = self.failures >= FAILURES_MAX;
         if restarted {
-            *self = Self { training: None, ..Self::new(picture, yaw_rad, settings) };
+            *self = Self { training: None, ..Self::new(picture, yaw_rad, parameters) };
         }
         Outcome { status: CameraStatus::NotCompensated, found, blobs: Vec::new(), restarted }
     }

@@ -4,10 +4,10 @@ use messages::{Blob, CameraMotion, CameraStatus, FrameLayout, MAX_BLOBS};
 
 use crate::compensation::Found;
 use crate::components::Component;
+use crate::parameters::Parameters;
 use crate::picture::{Refusal, luminance};
 use crate::plane::Plane;
 use crate::scene::{Outcome, Scene};
-use crate::settings::Settings;
 use crate::transform::Transform;
 use crate::working::Working;
 
@@ -66,7 +66,7 @@ const GAP_NS: u64 = 1_000_000_000;
 /// Everything SBS remembers between frames.
 #[derive(Debug, Clone)]
 pub struct State {
-    pub(crate) settings: Settings,
+    pub(crate) parameters: Parameters,
     pub(crate) last_stamp_ns: Option<u64>,
     pub(crate) scene: Option<(Working, Scene)>,
 }
@@ -74,8 +74,8 @@ pub struct State {
 impl State {
     /// Nothing seen yet.
     #[must_use]
-    pub fn new(settings: Settings) -> Self {
-        Self { settings, last_stamp_ns: None, scene: None }
+    pub fn new(parameters: Parameters) -> Self {
+        Self { parameters, last_stamp_ns: None, scene: None }
     }
 
     /// The mask of the last frame's blobs: 255 where something moves.
@@ -117,10 +117,10 @@ impl State {
             _ => {}
         }
         let Some((_, scene)) = &mut self.scene else {
-            self.scene = Some((working, Scene::new(&picture, yaw_rad, &self.settings)));
+            self.scene = Some((working, Scene::new(&picture, yaw_rad, &self.parameters)));
             return answer(&working, &Outcome::first(), remark);
         };
-        let outcome = scene.step(&picture, yaw_rad, &self.settings);
+        let outcome = scene.step(&picture, yaw_rad, &self.parameters);
         answer(&working, &outcome, if outcome.restarted { Remark::ModelRestarted } else { remark })
     }
 

@@ -42,7 +42,7 @@ pub(crate) fn avx2() -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::settings::{Method, Settings};
+    use crate::parameters::{Method, Parameters};
     use crate::state::{Frame, State};
     use crate::transform::Class;
     use messages::{FrameLayout, PixelFormat};
@@ -54,9 +54,9 @@ mod tests {
     }
 
     /// The states after each of some frames of a camera that pans over a wall while a dark square walks by.
-    fn states(width: usize, height: usize, settings: &Settings, narrow: bool) -> Vec<Vec<u8>> {
+    fn states(width: usize, height: usize, parameters: &Parameters, narrow: bool) -> Vec<Vec<u8>> {
         NARROW.set(narrow);
-        let mut state = State::new(settings.clone());
+        let mut state = State::new(parameters.clone());
         let layout = FrameLayout { width: width as u32, height: height as u32, stride: width as u32, format: PixelFormat::Grey as u32 };
         let frame = |n: usize| -> Vec<u8> {
             let wave = |x: f64, y: f64| 40.0 * (0.31 * x + 0.11 * y).sin() + 30.0 * (0.23 * y - 0.07 * x).cos();
@@ -83,8 +83,8 @@ mod tests {
             for (width, height, method) in
                 [(160, 120, Method::Direct), (93, 67, Method::Direct), (330, 241, Method::Direct), (100, 60, Method::Icp)]
             {
-                let settings = Settings { class, method, training_frames: 4, ..Settings::default() };
-                let (narrow, wide) = (states(width, height, &settings, true), states(width, height, &settings, false));
+                let parameters = Parameters { class, method, training_frames: 4, ..Parameters::default() };
+                let (narrow, wide) = (states(width, height, &parameters, true), states(width, height, &parameters, false));
                 for (n, (narrow, wide)) in narrow.iter().zip(&wide).enumerate() {
                     assert!(narrow == wide, "{width} × {height}, {class:?}, {method:?}: frame {n}");
                 }

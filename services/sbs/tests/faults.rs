@@ -6,11 +6,11 @@ mod common;
 use common::{PERIOD_NS, grey, picture, step};
 use messages::{CameraStatus, FrameLayout, Payload};
 use proptest::prelude::*;
-use stillmap_sbs::{CheckpointError, Frame, Odometry, Refusal, Remark, Settings, State};
+use stillmap_sbs::{CheckpointError, Frame, Odometry, Parameters, Refusal, Remark, State};
 
 /// A state that has seen `count` frames of a still wall.
 fn seasoned(count: u64) -> State {
-    let mut state = State::new(Settings::default());
+    let mut state = State::new(Parameters::default());
     for n in 0..count {
         step(&mut state, n, grey(160, 120), &wall(n));
     }
@@ -108,7 +108,7 @@ fn one_spoilt_frame_is_passed_over_and_three_start_the_model_anew() {
 fn bytes_that_are_no_state_are_told_apart() {
     let bytes = seasoned(20).save();
     let check = |bytes: &[u8], expected: CheckpointError| {
-        assert_eq!(State::restore(Settings::default(), bytes).err(), Some(expected));
+        assert_eq!(State::restore(Parameters::default(), bytes).err(), Some(expected));
     };
     check(b"", CheckpointError::Magic);
     check(b"garbage that is long enough", CheckpointError::Magic);
@@ -119,7 +119,7 @@ fn bytes_that_are_no_state_are_told_apart() {
     long.push(0);
     check(&long, CheckpointError::Long { offset: bytes.len(), left: 1 });
     for cut in (8..bytes.len()).step_by(9973) {
-        assert!(matches!(State::restore(Settings::default(), &bytes[..cut]), Err(CheckpointError::Short { .. })), "cut at {cut}");
+        assert!(matches!(State::restore(Parameters::default(), &bytes[..cut]), Err(CheckpointError::Short { .. })), "cut at {cut}");
     }
 }
 
@@ -134,7 +134,7 @@ proptest! {
             let at = at.index(bytes.len());
             bytes[at] = value;
         }
-        if let Ok(mut state) = State::restore(Settings::default(), &bytes) {
+        if let Ok(mut state) = State::restore(Parameters::default(), &bytes) {
             let answer = state.step(&Frame { stamp_ns: u64::MAX, layout: grey(160, 120), bytes: &wall(3), odometry: None });
             prop_assert!(answer.motion.validate().is_ok());
         }
@@ -145,7 +145,7 @@ proptest! {
     fn any_frames_are_answered(
         frames in proptest::collection::vec((76_u32..90, 56_u32..70, 0_u32..400, 0_u32..4, any::<u64>(), any::<u8>(), any::<bool>()), 1..12),
     ) {
-        let mut state = State::new(Settings { training_frames: 3, ..Settings::default() });
+        let mut state = State::new(Parameters { training_frames: 3, ..Parameters::default() });
         let mut time = 0;
         for (width, height, stride, format, seed, value, noise) in frames {
             time += seed % 2_000_000_000;

@@ -6,7 +6,7 @@ mod common;
 use common::{Figure, grey, picture, step};
 use messages::{CameraStatus, FrameLayout, Payload, PixelFormat};
 use stillmap_sbs::transform::{Class, Transform};
-use stillmap_sbs::{Frame, Method, Odometry, Settings, State};
+use stillmap_sbs::{Frame, Method, Odometry, Parameters, State};
 
 /// A camera that pans right, so that the wall goes left, and a figure that walks right.
 fn panning(width: usize, height: usize, n: u64) -> Vec<u8> {
@@ -36,9 +36,9 @@ fn overlap(state: &State, [left, top, w, h]: Figure) -> f64 {
 }
 
 /// The figure is found and T is the camera's motion, in pictures of any size and with every way of finding T.
-fn check(width: usize, height: usize, settings: Settings) {
-    let name = format!("{width} × {height}, {:?} {:?}", settings.method, settings.class);
-    let mut state = State::new(settings);
+fn check(width: usize, height: usize, parameters: Parameters) {
+    let name = format!("{width} × {height}, {:?} {:?}", parameters.method, parameters.class);
+    let mut state = State::new(parameters);
     for n in 0..30 {
         let answer = step(&mut state, n, grey(width, height), &panning(width, height, n));
         answer.motion.validate().unwrap();
@@ -59,7 +59,7 @@ fn check(width: usize, height: usize, settings: Settings) {
 #[test]
 fn a_walker_before_a_panning_camera_is_found() {
     for (width, height) in [(80, 60), (161, 121), (160, 120), (320, 240), (640, 480)] {
-        check(width, height, Settings { horizon: 1.0, ..Settings::default() });
+        check(width, height, Parameters { horizon: 1.0, ..Parameters::default() });
     }
 }
 
@@ -67,14 +67,14 @@ fn a_walker_before_a_panning_camera_is_found() {
 fn every_method_and_class_finds_it() {
     for class in [Class::Translation, Class::Similarity, Class::Affine, Class::Homography] {
         for method in [Method::Direct, Method::Icp] {
-            check(160, 120, Settings { horizon: 1.0, class, method, ..Settings::default() });
+            check(160, 120, Parameters { horizon: 1.0, class, method, ..Parameters::default() });
         }
     }
 }
 
 #[test]
 fn a_still_scene_has_no_blobs_and_says_so() {
-    let mut state = State::new(Settings::default());
+    let mut state = State::new(Parameters::default());
     for n in 0..40 {
         let answer = step(&mut state, n, grey(160, 120), &picture(160, 120, [0.0, 0.0], None, n));
         assert_eq!(answer.motion.count, 0, "frame {n}");
@@ -91,7 +91,7 @@ fn a_still_scene_has_no_blobs_and_says_so() {
 
 #[test]
 fn someone_who_passes_close_by_does_not_bend_the_model() {
-    let mut state = State::new(Settings { horizon: 1.0, ..Settings::default() });
+    let mut state = State::new(Parameters { horizon: 1.0, ..Parameters::default() });
     for n in 0..60 {
         // 100 of 160 columns at its widest, all rows.
         let left = -100.0 + 6.0 * n as f64;
@@ -107,7 +107,7 @@ fn someone_who_passes_close_by_does_not_bend_the_model() {
 
 #[test]
 fn the_background_picture_is_the_wall_behind_the_walker() {
-    let mut state = State::new(Settings { horizon: 1.0, ..Settings::default() });
+    let mut state = State::new(Parameters { horizon: 1.0, ..Parameters::default() });
     for n in 0..30 {
         step(&mut state, n, grey(160, 120), &panning(160, 120, n));
     }
@@ -119,8 +119,8 @@ fn the_background_picture_is_the_wall_behind_the_walker() {
 
 #[test]
 fn yuyv_and_rgb_are_taken_as_grey() {
-    let settings = Settings { horizon: 1.0, ..Settings::default() };
-    let mut states = [State::new(settings.clone()), State::new(settings.clone()), State::new(settings)];
+    let parameters = Parameters { horizon: 1.0, ..Parameters::default() };
+    let mut states = [State::new(parameters.clone()), State::new(parameters.clone()), State::new(parameters)];
     for n in 0..20 {
         let bytes = panning(160, 120, n);
         let yuyv: Vec<u8> = bytes.iter().flat_map(|&y| [y, 128]).collect();
@@ -142,7 +142,7 @@ fn odometry_leads_where_the_picture_alone_would_get_lost() {
     // 14 px a frame is beyond what the pyramid finds from standstill, and the way back and forth defeats prediction.
     let focal_px = 80.0 / 35.0_f64.to_radians().tan();
     let shift = |n: u64| if n.is_multiple_of(2) { 0.0 } else { 14.0 };
-    let mut state = State::new(Settings::default());
+    let mut state = State::new(Parameters::default());
     for n in 0..8 {
         // The scene moves left (the camera looks further right) by `shift`: yaw falls.
         let yaw_rad = -(shift(n) / focal_px).atan();
@@ -157,13 +157,13 @@ fn odometry_leads_where_the_picture_alone_would_get_lost() {
 #[test]
 fn a_restored_state_goes_on_to_the_byte() {
     for (cut, pan) in [(3, 0.0), (10, 0.0), (20, 0.0), (3, 0.8), (20, 0.8)] {
-        let mut state = State::new(Settings::default());
+        let mut state = State::new(Parameters::default());
         let frame = |n: u64| picture(160, 120, [pan * n as f64, 0.0], (n >= 5).then(|| walker(160, 120, n)), n);
         for n in 0..cut {
             step(&mut state, n, grey(160, 120), &frame(n));
         }
         let bytes = state.save();
-        let mut restored = State::restore(Settings::default(), &bytes).unwrap();
+        let mut restored = State::restore(Parameters::default(), &bytes).unwrap();
         assert_eq!(restored.save(), bytes, "cut at {cut}");
         for n in cut..cut + 15 {
             let (a, b) = (step(&mut state, n, grey(160, 120), &frame(n)), step(&mut restored, n, grey(160, 120), &frame(n)));

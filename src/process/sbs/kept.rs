@@ -4,7 +4,7 @@ use bus::Recent;
 use messages::CameraMotion;
 use runtime::Checkpoint;
 
-use ::sbs::{CheckpointError, Settings, State};
+use ::sbs::{CheckpointError, Parameters, State};
 
 /// Number and stamp of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,7 +24,7 @@ pub(super) struct Kept {
 
 impl Kept {
     /// Goes on from the checkpoint when there is one that can be used; otherwise the background is learnt anew.
-    pub(super) fn take_up(checkpoint: &Checkpoint, parameters: Settings) -> Self {
+    pub(super) fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Self {
         match checkpoint.take_up(|saved| Self::restore(parameters.clone(), saved.state)) {
             Some(kept) => {
                 tracing::info!("goes on after frame {}", kept.place.seq);
@@ -34,7 +34,7 @@ impl Kept {
         }
     }
 
-    fn restore(parameters: Settings, bytes: &[u8]) -> Result<Self, CheckpointError> {
+    fn restore(parameters: Parameters, bytes: &[u8]) -> Result<Self, CheckpointError> {
         let short = |needed: usize| CheckpointError::Short { offset: 0, needed, found: bytes.len() };
         let (numbers, rest) = bytes.split_first_chunk::<24>().ok_or_else(|| short(24))?;
         let (numbers, _) = numbers.as_chunks::<8>();

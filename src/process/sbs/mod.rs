@@ -1,19 +1,20 @@
 //! The process around SBS: frames from the bus, an answer to each onto it.
 
 mod kept;
+mod parameters;
 mod remarks;
 
 use bus::{BusError, FrameReader, FrameWriter, Received, Writer};
 use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
-use settings::{BuiltIn, Compensation, Freedom, Pace};
+use settings::{BuiltIn, Pace, Settings};
 
-use ::sbs::background::BackgroundRule;
 use ::sbs::plane::Plane;
-use ::sbs::transform::{Class, Transform};
-use ::sbs::{BlobRule, Frame, Method, Remark, Settings};
+use ::sbs::transform::Transform;
+use ::sbs::{Frame, Remark};
 
 use kept::{Kept, Place};
+pub(crate) use parameters::parameters;
 use remarks::Remarks;
 
 /// Frames between two checkpoints: with the lockstep window fewer than the stream's history holds.
@@ -38,41 +39,10 @@ pub enum SbsError {
 ///
 /// # Errors
 /// When the bus fails.
-pub fn run(mut shell: Shell, settings: &settings::Settings) -> Result<(), SbsError> {
+pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SbsError> {
     let mut subtraction = Subtraction::new(&mut shell, settings)?;
     shell.stay_for(settings.named(BuiltIn::Fti));
     Ok(shell.run(&mut subtraction)?)
-}
-
-/// What SBS works by in a deployment with these settings.
-fn parameters(settings: &settings::Settings) -> Settings {
-    let (sbs, camera) = (&settings.sbs, &settings.camera);
-    // Their ranges are those of a byte.
-    let frames = |setting: settings::Takeover| u8::try_from(setting.get()).unwrap_or(u8::MAX);
-    Settings {
-        method: match sbs.compensation {
-            Compensation::Direct => Method::Direct,
-            Compensation::Icp => Method::Icp,
-        },
-        class: match sbs.freedom {
-            Freedom::Similarity => Class::Similarity,
-            Freedom::Affine => Class::Affine,
-            Freedom::Homography => Class::Homography,
-        },
-        horizon: camera.horizon_share.get().clamp(0.0, 1.0) as f32,
-        field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
-        training_frames: sbs.training_frames.get() as usize,
-        background: BackgroundRule {
-            k: sbs.k.get() as f32,
-            takeover: frames(sbs.takeover_frames),
-            takeover_still: frames(sbs.takeover_still_frames),
-            ..BackgroundRule::default()
-        },
-        blobs: BlobRule { size_min: sbs.min_area_px.get() as f32, ..BlobRule::default() },
-        beta: sbs.beta.get(),
-        h_bar: sbs.h_bar.get(),
-        ..Settings::default()
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -120,7 +90,7 @@ impl Process for Subtraction {
 }
 
 impl Subtraction {
-    fn new(shell: &mut Shell, settings: &settings::Settings) -> Result<Self, BusError> {
+    fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, BusError> {
         // A start of the deployment is no moment to go on with the background of another: the robot stands, and it is learnt anew.
         let checkpoint = shell.passing_checkpoint();
         let kept = Kept::take_up(&checkpoint, parameters(settings));
@@ -271,7 +241,7 @@ mod tests {
         let mut source = Shell::join(domain.membership_for("source", 0, "x".as_ref())).unwrap();
         let mut shell = Shell::join(domain.membership_for("sbs", 0, "x".as_ref())).unwrap();
         let text = format!("name = \"x\"\npace = \"{pace}\"\n[[process]]\nname = \"p\"\nrun = \"playback\"\n");
-        let settings = settings::Settings::parse("x.toml", &text).unwrap();
+        let settings = Settings::parse("x.toml", &text).unwrap();
         let mut subtraction = Subtraction::new(&mut shell, &settings).unwrap();
         let mut frames: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
         let layout = FrameLayout::packed(80, 60, PixelFormat::Grey);
@@ -298,22 +268,5 @@ mod tests {
     #[test]
     fn in_lockstep_nothing_is_skipped() {
         assert_eq!(taken("lockstep"), (vec![1, 2, 3, 4, 5], 0));
-    }
-
-    #[test]
-    fn what_is_set_is_what_it_works_by() {
-        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\ncompensation = \"icp\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n";
-        let found = parameters(&settings::Settings::parse("x.toml", text).unwrap());
-        let expected = Settings {
-            method: Method::Icp,
-            horizon: 0.4,
-            field_of_view_rad: std::f64::consts::FRAC_PI_2,
-            background: BackgroundRule { k: 2.5, takeover: 255, ..BackgroundRule::default() },
-            blobs: BlobRule { size_min: 10.0, ..BlobRule::default() },
-            beta: 1.0,
-            ..Settings::default()
-        };
-        assert_eq!(found, expected);
-        assert_eq!(parameters(&settings::Settings::default()), Settings::default(), "the defaults are those of the core");
     }
 }

@@ -1,7 +1,7 @@
 //! Fig. 5: what moves in the pictures of a camera that drives (section 5).
 
 use messages::{FrameLayout, PixelFormat, Pose};
-use sbs::{Frame, Settings, State};
+use sbs::{Frame, Parameters, State};
 use simulator::camera::{Camera, Flaws, LABEL_WALKER, Picture};
 use simulator::{Optics, World};
 
@@ -63,7 +63,7 @@ pub(crate) fn figure() -> Result<String, Error> {
 fn moments() -> Result<Vec<Moment>, Error> {
     let world = World::parse("corridor.toml", CORRIDOR)?;
     let mut camera = Camera::new(&world, &optics(), &Flaws::default(), SEED);
-    let mut sbs = State::new(Settings::default());
+    let mut sbs = State::new(Parameters::default());
     let mut mean: Vec<f32> = Vec::new();
     let mut seen = Picture::default();
     let mut moments: Vec<Moment> = Vec::new();

@@ -16,9 +16,9 @@ pub enum Method {
     Icp,
 }
 
-/// All settings of SBS.
+/// All parameters of SBS.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct Parameters {
     /// How T is found.
     pub method: Method,
     /// Freedom of T.
@@ -47,7 +47,7 @@ pub struct Settings {
     pub h_bar: f64,
 }
 
-impl Default for Settings {
+impl Default for Parameters {
     fn default() -> Self {
         Self {
             method: Method::Direct,
