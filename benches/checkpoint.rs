@@ -9,10 +9,9 @@ use std::time::{Duration, Instant};
 
 use bus::Domain;
 use criterion::{Criterion, criterion_group, criterion_main};
-use mapping::{Input, Mapper, Parameters};
+use mapping::{CommitRule, Input, Mapper, Parameters};
 use messages::{Pose, SonarReading, SonarScan};
 use runtime::{Checkpoint, Shell};
-use settings::{Horizon, Mapping, Pace};
 use stillmap::process::mapping::Tiles;
 
 /// Edge of a tile, m.
@@ -29,8 +28,9 @@ struct Drive {
 impl Drive {
     /// A map of `edge` × `edge` tiles, all of them written to.
     fn new(edge: u32) -> Self {
-        let settings = Mapping { horizon_s: Horizon::try_from(0.0).unwrap(), keep_unfiltered: true, ..Mapping::default() };
-        let mut drive = Self { mapper: Mapper::new(Parameters::new(&settings, Pace::Lockstep).unwrap()), seq: 0 };
+        let commit = CommitRule::Horizon { horizon_ns: 0 };
+        let parameters = Parameters { commit, keep_unfiltered: true, ..Parameters::default() };
+        let mut drive = Self { mapper: Mapper::new(&parameters).unwrap(), seq: 0 };
         for place in 0..edge * edge {
             drive.scan(TILE_M * f64::from(place % edge), TILE_M * f64::from(place / edge), 0.7);
         }

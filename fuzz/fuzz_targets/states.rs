@@ -9,7 +9,6 @@ use fti::Fti;
 use libfuzzer_sys::fuzz_target;
 use mapping::Mapper;
 use messages::{Payload, SonarScan};
-use settings::Pace;
 use stillmap_std::Std;
 
 /// Head and tiles of a state.
@@ -64,8 +63,7 @@ fn borrowed(tiles: &[([i32; 3], Vec<u8>)]) -> impl Iterator<Item = ([i32; 3], &[
 }
 
 fn map(head: Vec<u8>, tiles: Vec<([i32; 3], Vec<u8>)>) {
-    let parameters = mapping::Parameters::new(&common::SETTINGS.mapping, Pace::Lockstep).unwrap();
-    let Ok(mut mapper) = Mapper::restore(parameters, &head, borrowed(&tiles)) else { return };
+    let Ok(mut mapper) = Mapper::new(&common::mapper_parameters()).unwrap().restore(&head, borrowed(&tiles)) else { return };
     assert!(mapper_parts(&mapper) == (head, tiles));
     let (seq, stamp_ns) = mapper.last_scan();
     for (k, scan) in (1..).zip(&SCANS[..3]) {
@@ -77,7 +75,7 @@ fn map(head: Vec<u8>, tiles: Vec<([i32; 3], Vec<u8>)>) {
 }
 
 fn tracks(state: &[u8]) {
-    let Ok(mut std) = Std::from_bytes(stillmap_std::Parameters::of_settings(&common::SETTINGS), state) else { return };
+    let Ok(mut std) = Std::from_bytes(stillmap_std::Parameters::default(), state) else { return };
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         std.step(1_000_000_000_000 + k * 100_000_000, scan).validate().unwrap();
     }
@@ -85,7 +83,7 @@ fn tracks(state: &[u8]) {
 }
 
 fn verdicts(head: &[u8], tiles: &[([i32; 3], Vec<u8>)]) {
-    let Ok(mut fti) = Fti::restore(fti::Parameters::of_settings(&common::SETTINGS), head, borrowed(tiles)) else { return };
+    let Ok(mut fti) = Fti::restore(fti::Parameters::default(), head, borrowed(tiles)) else { return };
     let last = fti.last_scan().map_or(0, |(seq, _)| seq);
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         fti.take(fti::Input::Scan { seq: last.saturating_add(k), stamp_ns: 1_000_000_000_000 + k * 100_000_000, scan });

@@ -1,6 +1,7 @@
 //! `stillmap evaluate`: how good results are, against the truth.
 
 mod camera;
+mod chain;
 mod comparison;
 mod recording;
 mod report;

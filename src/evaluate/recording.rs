@@ -1,8 +1,9 @@
 //! The log of a drive, judged.
 
+use super::chain::chain;
 use crate::exit::BadInput;
 use drivelog::{Entry, Log, Logged};
-use evaluate::{Drive, Numbered, Occupancy, Recorded, Trial, reference};
+use evaluate::{Chain, Drive, Numbered, Occupancy, Recorded, Trial, reference};
 use settings::Settings;
 use simulator::{Body, World};
 use std::path::Path;
@@ -25,8 +26,9 @@ pub(crate) fn judge(run: &Path) -> anyhow::Result<Judged> {
     let settings = Settings::parse(&format!("{}: its settings", log.display()), &text)?;
     let recorded = read(&log)?;
     let (drive, outcome) = recorded.assemble().map_err(|error| BadInput(format!("{}: {error}", log.display())))?;
-    let reference = without_walkers(&log, &settings)?;
-    let trial = Trial::judge(&drive, &outcome, reference.as_ref(), &settings)?;
+    let chain = chain(&settings);
+    let reference = without_walkers(&log, &settings, &chain)?;
+    let trial = Trial::judge(&drive, &outcome, reference.as_ref(), &chain)?;
     Ok(Judged { trial, with_reference: reference.is_some() })
 }
 
@@ -54,11 +56,11 @@ fn stream<T: Logged>(log: &Path) -> anyhow::Result<Vec<Numbered<T>>> {
 }
 
 /// The map of the same drive without walkers, where the world's file still is.
-fn without_walkers(log: &Path, settings: &Settings) -> anyhow::Result<Option<Occupancy>> {
+fn without_walkers(log: &Path, settings: &Settings, chain: &Chain) -> anyhow::Result<Option<Occupancy>> {
     let beside = log.with_file_name(WORLD);
     let Some(path) = [&settings.simulator.world, &beside].into_iter().find(|path| path.is_file()) else { return Ok(None) };
     let drive = empty_drive(path, settings)?;
-    Ok(Some(reference(&drive, settings)?))
+    Ok(Some(reference(&drive, &chain.mapping)?))
 }
 
 fn empty_drive(path: &Path, settings: &Settings) -> anyhow::Result<Drive> {

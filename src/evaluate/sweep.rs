@@ -1,12 +1,13 @@
 //! Worlds, seeds and numbers of walkers, driven through and judged side by side.
 
+use super::chain::chain;
 use super::comparison::write_comparison;
 use super::report::{Report, Row};
 use crate::args::NumberRange;
 use crate::built_in;
 use crate::exit::BadInput;
 use clap::{Args, ValueEnum};
-use evaluate::{Drive, Eyes, Filter, Trial, Variation, filter, read_world, reference};
+use evaluate::{Drive, Eyes, Trial, Variation, filter, read_world, reference};
 use indicatif::{MultiProgress, ProgressBar};
 use settings::{Action, Cue, MovingCell, Settings, VerdictRule};
 use simulator::blobs::Failings;
@@ -141,9 +142,9 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::R
     let eyes = (options.rule != Rule::Sonar).then_some(&eyes);
     let drive = Drive::through(&world(task.walkers.map(|walkers| walkers as usize))?, &body, limit_m, eyes, task.seed);
     let empty = Drive::through(&world(Some(0))?, &body, limit_m, None, task.seed);
-    let run = Filter { std: stillmap_std::Parameters::of_settings(settings), fti: fti::Parameters::of_settings(settings) };
-    let outcome = filter(&drive, &run)?;
-    let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, settings)?), settings)?;
+    let chain = chain(settings);
+    let outcome = filter(&drive, &chain)?;
+    let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, &chain.mapping)?), &chain)?;
     if let Some(folder) = &options.out {
         let stem = Path::new(task.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let walkers = task.walkers.map_or_else(String::new, |walkers| format!("-{walkers}-walkers"));

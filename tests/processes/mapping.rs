@@ -10,7 +10,6 @@ use mapping::export::MapCopy;
 use mapping::{Input, Mapper, Parameters};
 use messages::{Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
 use runtime::Shell;
-use settings::{Mapping, Pace};
 
 const SCANS: u64 = 400;
 
@@ -34,7 +33,7 @@ fn scan(seq: u64) -> (u64, SonarScan) {
 }
 
 fn fold() -> Mapper {
-    let mut mapper = Mapper::new(Parameters::new(&Mapping::default(), Pace::Lockstep).unwrap());
+    let mut mapper = Mapper::new(&Parameters::default()).unwrap();
     for seq in 1..=SCANS {
         let (stamp_ns, scan) = scan(seq);
         mapper.step(Input::Scan { seq, stamp_ns, scan: &scan }).unwrap();

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use fti::Fti;
 use mapping::Mapper;
 use messages::{Pose, SonarReading, SonarScan};
-use settings::{Pace, Settings};
+use settings::Settings;
 use stillmap_std::Std;
 
 /// The settings that the targets run with.
@@ -51,12 +51,16 @@ pub fn scans() -> Vec<SonarScan> {
     (0..60).map(|step| SonarScan::new(pose(step), &[reading(step, 3), reading(step, step % 7)], false)).collect()
 }
 
+/// Both layers, and a verdict on every scan: all that a state can hold.
+pub fn mapper_parameters() -> mapping::Parameters {
+    mapping::Parameters { commit: mapping::CommitRule::Verdict, keep_unfiltered: true, ..mapping::Parameters::default() }
+}
+
 /// The services before their first scan.
 pub fn services() -> (Mapper, Std, Fti) {
-    let settings = &*SETTINGS;
-    let mapper = Mapper::new(mapping::Parameters::new(&settings.mapping, Pace::Lockstep).unwrap());
-    let std = Std::new(stillmap_std::Parameters::of_settings(settings)).unwrap();
-    (mapper, std, Fti::new(fti::Parameters::of_settings(settings)).unwrap())
+    let mapper = Mapper::new(&mapper_parameters()).unwrap();
+    let std = Std::new(stillmap_std::Parameters::default()).unwrap();
+    (mapper, std, Fti::new(fti::Parameters::default()).unwrap())
 }
 
 /// Takes scans, each answered by STD.

@@ -35,9 +35,9 @@ mod tracks;
 mod variables;
 mod verdict;
 
-pub use parameters::{Camera, Parameters, ParametersError, Patience};
-pub use settings::{Action, Cue, Tables, VerdictRule as Rule};
+pub use parameters::{Action, Camera, Cue, Parameters, ParametersError, Patience, Rule};
 pub use state::StateError;
 pub use step::{Fti, Grounds, Verdict};
 pub use streams::Input;
+pub use tables::{Magnitude, Side, Tables};
 pub use variables::{Variable, variables};

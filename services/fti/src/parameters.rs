@@ -4,9 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use geometry::{CellSize, CellSizeError};
 use messages::Pose;
-use settings::{Pace, Settings};
 
-use crate::{Action, Cue, Rule, Tables};
+use crate::tables::Tables;
 
 /// The camera, roughly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +18,33 @@ pub struct Camera {
     pub field_of_view_rad: f64,
     /// Row of the horizon as a share of the picture's height, from its top.
     pub horizon_share: f64,
+}
+
+/// What decides about a reading.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rule {
+    /// The likelihood ratio of a walker against something that stands there, with everything seen until the horizon.
+    Likelihood,
+    /// Its arc enters the update region of a corresponding pair: the paper's Table 6.
+    Paper,
+}
+
+/// How the place of a blob is read off the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cue {
+    /// From its foot on the floor.
+    Ground,
+    /// From its row and column, scaled linearly to the sonar cone: the paper's.
+    Paper,
+}
+
+/// What becomes of a place where something moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// The whole arc of a reading that a moving thing caused is left out of the map.
+    Withhold,
+    /// The readings stay, and the cells of the update regions are set free: the paper's.
+    Free,
 }
 
 /// How long the streams wait for each other.
@@ -57,20 +83,6 @@ pub struct Parameters {
     pub patience: Patience,
     /// Tables 3 to 5.
     pub tables: Tables,
-}
-
-impl Camera {
-    /// The camera that a deployment has.
-    #[must_use]
-    pub fn of_settings(camera: &settings::Camera) -> Self {
-        let yaw_rad = camera.heading_deg.get().to_radians();
-        Self {
-            mount: Pose { x_m: camera.x_m.get(), y_m: camera.y_m.get(), yaw_rad },
-            height_m: camera.height_m.get(),
-            field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
-            horizon_share: camera.horizon_share.get(),
-        }
-    }
 }
 
 impl Default for Camera {
@@ -117,39 +129,6 @@ pub enum ParametersError {
 }
 
 impl Parameters {
-    /// The parameters that the settings of a deployment mean.
-    #[must_use]
-    pub fn of_settings(settings: &Settings) -> Self {
-        let Settings { fti, mapping, robot, .. } = settings;
-        Self {
-            cell_m: mapping.cell_m.get(),
-            half_beam_rad: mapping.half_beam_deg.get().to_radians(),
-            range_limit_m: robot.range_limit_m.get(),
-            horizon_s: mapping.horizon_s.get(),
-            rule: fti.rule,
-            cue: fti.cue,
-            action: fti.action,
-            correspond_m: fti.correspond_m.get(),
-            readiness: fti.readiness.get(),
-            camera: fti.expect_camera.then(|| Camera::of_settings(&settings.camera)),
-            patience: match settings.pace {
-                Pace::Live => Patience::Seconds(fti.patience_s.get()),
-                Pace::Lockstep => Patience::Endless,
-            },
-            tables: fti.tables.clone(),
-        }
-    }
-
-    /// The same for a deployment whose clock runs `speed` times faster than the wall's: what a restart or a busy machine delays
-    /// takes so much more sensor time.
-    #[must_use]
-    pub fn at_speed(mut self, speed: f64) -> Self {
-        if let Patience::Seconds(seconds) = &mut self.patience {
-            *seconds *= speed.max(1.0);
-        }
-        self
-    }
-
     /// Checks what the types do not.
     pub(crate) fn check(&self) -> Result<CellSize, ParametersError> {
         within("cell_m", self.cell_m, 0.005, 1.0, "0.005 to 1 m")?;

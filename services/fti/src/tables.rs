@@ -1,7 +1,60 @@
 //! Eq. 1 through Tables 3, 4 and 5.
 
 use fuzzy::{Partition, RuleTable};
-use settings::{Magnitude, Tables};
+
+/// Sets of a variable that counts from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Magnitude {
+    /// Very small.
+    VS,
+    /// Small.
+    S,
+    /// Medium.
+    M,
+    /// Large.
+    L,
+    /// Very large.
+    VL,
+}
+
+/// Sets of a variable that counts to either side of 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Negative, big.
+    NB,
+    /// Negative, small.
+    NS,
+    /// Zero.
+    Z,
+    /// Positive, small.
+    PS,
+    /// Positive, big.
+    PB,
+}
+
+/// Tables 3 to 5 of the paper. Rows: sets of C (sonars), columns: sets of B (camera), in the order of the sets; the defaults are as
+/// printed, odd entries included.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Tables {
+    /// Table 3: O_Centroid.x.
+    pub centroid_x: [[Magnitude; 5]; 5],
+    /// Table 4: O_Centroid.y.
+    pub centroid_y: [[Side; 5]; 5],
+    /// Table 5: O_Size.
+    pub size: [[Magnitude; 5]; 5],
+}
+
+impl Default for Tables {
+    fn default() -> Self {
+        use Magnitude::{L, M, S, VL, VS};
+        use Side::{NB, NS, PB, PS, Z};
+        Self {
+            centroid_x: [[VS, S, S, M, M], [VS, S, M, M, L], [S, S, M, L, L], [M, M, M, L, VL], [L, M, L, L, VL]],
+            centroid_y: [[NB, NS, NS, Z, Z], [NB, NS, Z, Z, PS], [NS, NS, Z, PS, PS], [Z, Z, Z, PS, PB], [PS, Z, PS, PS, PB]],
+            size: [[VS, S, S, L, VL], [S, S, M, L, VL], [M, M, M, L, VL], [L, L, L, L, VL], [VL, VL, VL, VL, VL]],
+        }
+    }
+}
 
 /// A moving object by one sense, in the robot frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

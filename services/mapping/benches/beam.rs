@@ -7,8 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use messages::{Pose, SonarReading, SonarScan};
-use settings::{Horizon, Mapping, Pace};
-use stillmap_mapping::{Input, Mapper, Parameters};
+use stillmap_mapping::{CommitRule, Input, Mapper, Parameters};
 
 /// Edge of a tile, m.
 const TILE_M: f64 = 1.6;
@@ -20,10 +19,10 @@ struct Drive {
 }
 
 impl Drive {
-    /// A map of `edge` × `edge` tiles; a scan is integrated for good `horizon_s` after it came.
-    fn new(edge: u32, horizon_s: f64) -> Self {
-        let settings = Mapping { horizon_s: Horizon::try_from(horizon_s).unwrap(), ..Mapping::default() };
-        let mut drive = Self { mapper: Mapper::new(Parameters::new(&settings, Pace::Lockstep).unwrap()), seq: 0 };
+    /// A map of `edge` × `edge` tiles; a scan is integrated for good `horizon_ns` after it came.
+    fn new(edge: u32, horizon_ns: u64) -> Self {
+        let parameters = Parameters { commit: CommitRule::Horizon { horizon_ns }, ..Parameters::default() };
+        let mut drive = Self { mapper: Mapper::new(&parameters).unwrap(), seq: 0 };
         for place in 0..edge * edge {
             let pose = Pose { x_m: TILE_M * f64::from(place % edge), y_m: TILE_M * f64::from(place / edge), yaw_rad: 0.7 };
             drive.scan(pose, 1.0, 1);
@@ -45,7 +44,7 @@ impl Drive {
 
 fn beams(c: &mut Criterion) {
     for edge in [4, 400] {
-        let mut drive = Drive::new(edge, 0.0);
+        let mut drive = Drive::new(edge, 0);
         for (name, range_m, echo) in [("3 m echo", 3.0, 1), ("1 m echo", 1.0, 1), ("no echo", 3.0, 0)] {
             c.bench_function(&format!("{name}, map of {} tiles", edge * edge), |bencher| {
                 bencher.iter(|| drive.turning_scan(range_m, echo))
@@ -55,7 +54,7 @@ fn beams(c: &mut Criterion) {
 }
 
 fn shown(c: &mut Criterion) {
-    let mut drive = Drive::new(40, 3.0);
+    let mut drive = Drive::new(40, 3_000_000_000);
     (0..75).for_each(|place| drive.turning_scan(0.5 + f64::from(place % 25) * 0.1, 1));
     c.bench_function("show 75 pending readings", |bencher| bencher.iter(|| drive.mapper.refresh()));
 }

@@ -3,12 +3,10 @@
 use geometry::{Cell, Lattice};
 use messages::{Pose, SonarReading};
 use serde_json::Value;
-use settings::Pace;
 
-use crate::Parameters;
-use crate::integrate::{Beam, add, probability};
+use crate::integrate::{Beam, Integrator, add, probability};
 use crate::numeric::{Lanes, all};
-use crate::parameters::SensorParameters;
+use crate::parameters::{Parameters, SensorParameters, TuningParameters};
 use crate::sensor_model::{Extent, SensorModel};
 use crate::tuning::Tuned;
 
@@ -25,12 +23,6 @@ fn first(lanes: Lanes) -> f32 {
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|n| n.as_f64().unwrap()).collect()
-}
-
-fn parameters(change: impl FnOnce(&mut settings::Mapping)) -> Parameters {
-    let mut settings = settings::Mapping::default();
-    change(&mut settings);
-    Parameters::new(&settings, Pace::Lockstep).unwrap()
 }
 
 #[test]
@@ -85,17 +77,14 @@ fn eq_3_agrees() {
 #[test]
 fn the_one_dimensional_study_agrees() {
     // Nothing tuned: the middle of k_e, as the profiles have it.
-    let fixed_k_e = [[settings::FreePeak::try_from(0.40).unwrap(); 3]; 3];
-    for (name, k_e) in [("tuned", None), ("fixed", Some(fixed_k_e))] {
-        let parameters = parameters(|settings| {
-            settings.half_beam_deg = settings::HalfBeam::try_from(1.0).unwrap();
-            settings.fades = false;
-            settings.tuning.enabled = k_e.is_none();
-            settings.tuning.k_e = k_e.unwrap_or(settings.tuning.k_e);
-        });
+    let fixed = TuningParameters { enabled: false, k_e: [[0.40; 3]; 3], ..TuningParameters::default() };
+    for (name, tuning) in [("tuned", TuningParameters::default()), ("fixed", fixed)] {
+        let sensor = SensorParameters { fades: None, ..SensorParameters::default() };
+        let parameters = Parameters { half_beam_rad: 1.0_f64.to_radians(), sensor, tuning, ..Parameters::default() };
+        let integrator = Integrator::new(&parameters).unwrap();
         let study = &golden("study_1d.json")[name];
-        let mut lattice = Lattice::new(parameters.cell);
-        let robot = Pose { y_m: parameters.cell.centre_of(0), ..Pose::default() };
+        let mut lattice = Lattice::new(integrator.cell);
+        let robot = Pose { y_m: integrator.cell.centre_of(0), ..Pose::default() };
         let mut compared = 0;
         for count in 1..=24 {
             let range_m = match count {
@@ -104,10 +93,10 @@ fn the_one_dimensional_study_agrees() {
                 _ => 0.5,
             };
             let reading = SonarReading { range_m, echo: 1, ..SonarReading::default() };
-            Beam { map_from_robot: &robot, reading: &reading }.integrate(&mut lattice, &parameters, false);
+            Beam { map_from_robot: &robot, reading: &reading }.integrate(&mut lattice, &integrator, false);
             let Some(profile) = study["profiles"].get(count.to_string()) else { continue };
             for (z, expected) in numbers(&study["z"]).into_iter().zip(numbers(profile)) {
-                let found = probability(lattice.get(parameters.cell.cell_at(z, robot.y_m)));
+                let found = probability(lattice.get(integrator.cell.cell_at(z, robot.y_m)));
                 assert!((found - expected).abs() < TOLERANCE, "{name}, after {count}, at {z} m: {found}, expected {expected}");
                 compared += 1;
             }

@@ -1,13 +1,37 @@
 //! One reading into a lattice: look at what the cone holds, tune, update (eqs. 1 to 3).
 
-use geometry::{Lattice, TileKey};
+use geometry::{CellSize, Lattice, TileKey};
 use messages::{Pose, SonarReading};
 
-use crate::Parameters;
 use crate::cone::{Cone, Groups};
 use crate::numeric::{LANES, Lanes, all};
+use crate::parameters::{Parameters, ParametersError, SensorParameters};
 use crate::sensor_model::{Extent, SensorModel};
-use crate::tuning::Known;
+use crate::tuning::{Known, Tuning};
+
+/// What readings are integrated by: parameters that have been checked, in the shapes the algorithm works with.
+#[derive(Debug, Clone)]
+pub(crate) struct Integrator {
+    pub(crate) cell: CellSize,
+    /// Half the opening angle of a beam, rad.
+    half_beam_rad: f64,
+    sensor: SensorParameters,
+    tuning: Tuning,
+    /// Greatest log-odds of a cell, of either sign.
+    pub(crate) l_max: f32,
+}
+
+impl Integrator {
+    pub(crate) fn new(parameters: &Parameters) -> Result<Self, ParametersError> {
+        Ok(Self {
+            cell: parameters.check()?,
+            half_beam_rad: parameters.half_beam_rad,
+            sensor: parameters.sensor,
+            tuning: Tuning::new(&parameters.tuning)?,
+            l_max: parameters.l_max as f32,
+        })
+    }
+}
 
 /// A reading and where the robot was.
 #[derive(Debug, Clone, Copy)]
@@ -20,32 +44,32 @@ impl Beam<'_> {
     /// Integrates the reading. When it is `withheld`, its occupied part is left out.
     ///
     /// The lattice holds log-odds of occupancy. Only cells within the cone and up to the end of its arc are touched.
-    pub(crate) fn integrate(&self, lattice: &mut Lattice<f32>, parameters: &Parameters, withheld: bool) {
-        let extent = self.extent(parameters);
-        let cone = self.cone(parameters, extent.c);
+    pub(crate) fn integrate(&self, lattice: &mut Lattice<f32>, integrator: &Integrator, withheld: bool) {
+        let extent = self.extent(integrator);
+        let cone = self.cone(integrator, extent.c);
         let groups = cone.groups();
-        let known = if parameters.tuning.enabled() { look(lattice, &groups, extent) } else { Known::NOTHING };
-        let tuned = parameters.tuning.tune(known);
+        let known = if integrator.tuning.enabled() { look(lattice, &groups, extent) } else { Known::NOTHING };
+        let tuned = integrator.tuning.tune(known);
         let extent = if withheld { extent.without_surface() } else { extent };
-        let model = SensorModel::new(&parameters.sensor, self.reading.range_m, extent, tuned);
-        update(lattice, &groups, &model, parameters.l_max);
+        let model = SensorModel::new(&integrator.sensor, self.reading.range_m, extent, tuned);
+        update(lattice, &groups, &model, integrator.l_max);
     }
 
     /// The tiles that hold every cell the reading looks at or touches.
-    pub(crate) fn tiles(&self, parameters: &Parameters) -> impl Iterator<Item = TileKey> + use<> {
-        self.cone(parameters, self.extent(parameters).c).tiles()
+    pub(crate) fn tiles(&self, integrator: &Integrator) -> impl Iterator<Item = TileKey> + use<> {
+        self.cone(integrator, self.extent(integrator).c).tiles()
     }
 
-    fn extent(&self, parameters: &Parameters) -> Extent {
+    fn extent(&self, integrator: &Integrator) -> Extent {
         let range_m = self.reading.range_m;
         match self.reading.echo {
-            0 => Extent::of_silence(&parameters.sensor, range_m),
-            _ => Extent::of_echo(&parameters.sensor, range_m),
+            0 => Extent::of_silence(&integrator.sensor, range_m),
+            _ => Extent::of_echo(&integrator.sensor, range_m),
         }
     }
 
-    fn cone(&self, parameters: &Parameters, reach: f64) -> Cone {
-        Cone::new(parameters.cell, self.map_from_robot, self.reading, parameters.half_beam_rad, reach)
+    fn cone(&self, integrator: &Integrator, reach: f64) -> Cone {
+        Cone::new(integrator.cell, self.map_from_robot, self.reading, integrator.half_beam_rad, reach)
     }
 }
 

@@ -6,7 +6,7 @@ use geometry::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
 
 use messages::UpdateRegion;
 
-use crate::Parameters;
+use crate::integrate::Integrator;
 use crate::lonely::tiles_that_see;
 use crate::pending::PendingScan;
 
@@ -61,25 +61,25 @@ impl Layer {
     }
 
     /// Integrates a scan for good.
-    pub(crate) fn commit(&mut self, parameters: &Parameters, scan: &PendingScan) {
+    pub(crate) fn commit(&mut self, integrator: &Integrator, scan: &PendingScan) {
         let withheld = if self.heeds_verdicts { scan.withheld() } else { 0 };
-        integrate(&mut self.committed, parameters, scan, withheld);
+        integrate(&mut self.committed, integrator, scan, withheld);
         if self.heeds_verdicts {
-            scan.freed().iter().for_each(|region| set_free(&mut self.committed, region, -parameters.l_max));
+            scan.freed().iter().for_each(|region| set_free(&mut self.committed, region, -integrator.l_max));
         }
     }
 
     /// Makes what is shown anew where it may have changed.
-    pub(crate) fn refresh<'a>(&mut self, parameters: &Parameters, pending: impl Iterator<Item = &'a PendingScan>) {
+    pub(crate) fn refresh<'a>(&mut self, integrator: &Integrator, pending: impl Iterator<Item = &'a PendingScan>) {
         let mut top = Lattice::new(self.committed.cell_size());
         for scan in pending {
-            for key in scan.beams().flat_map(|beam| beam.tiles(parameters)) {
+            for key in scan.beams().flat_map(|beam| beam.tiles(integrator)) {
                 if top.tile(key).is_none() {
                     top.set_tile(key, self.committed.tile(key).unwrap_or(&UNKNOWN));
                 }
             }
             let withheld = if self.heeds_verdicts { scan.withheld_so_far() } else { 0 };
-            integrate(&mut top, parameters, scan, withheld);
+            integrate(&mut top, integrator, scan, withheld);
         }
         self.note_commits();
         for key in std::mem::take(&mut self.settled) {
@@ -130,9 +130,9 @@ impl Layer {
 }
 
 /// Bit i of `withheld` set: reading i leaves its occupied part out.
-fn integrate(lattice: &mut Lattice<f32>, parameters: &Parameters, scan: &PendingScan, withheld: u32) {
+fn integrate(lattice: &mut Lattice<f32>, integrator: &Integrator, scan: &PendingScan, withheld: u32) {
     for (index, beam) in scan.beams().enumerate() {
-        beam.integrate(lattice, parameters, withheld & (1 << index) != 0);
+        beam.integrate(lattice, integrator, withheld & (1 << index) != 0);
     }
 }
 

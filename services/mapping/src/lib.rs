@@ -43,6 +43,6 @@ mod way;
 pub use codec::StateError;
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
-pub use parameters::{Parameters, ParametersError};
+pub use parameters::{CommitRule, Fades, Parameters, ParametersError, SensorParameters, TuningParameters};
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

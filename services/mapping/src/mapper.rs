@@ -6,11 +6,11 @@ use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, 
 
 use geometry::{CellSize, TileKey};
 
-use crate::Parameters;
 use crate::digest::digest;
+use crate::integrate::Integrator;
 use crate::layer::Layer;
 use crate::lonely::published;
-use crate::parameters::CommitRule;
+use crate::parameters::{CommitRule, Parameters, ParametersError};
 use crate::pending::{Decision, PendingScan};
 use crate::way::Way;
 
@@ -129,7 +129,10 @@ pub(crate) struct Mark {
 /// missed its deadline.
 #[derive(Debug, Clone)]
 pub struct Mapper {
-    pub(crate) parameters: Parameters,
+    pub(crate) integrator: Integrator,
+    commit: CommitRule,
+    /// Occupied cells of the filtered layer with fewer occupied neighbours are published as free.
+    lonely_below: usize,
     pub(crate) filtered: Layer,
     pub(crate) unfiltered: Option<Layer>,
     /// Scans within the horizon, in their order.
@@ -144,19 +147,24 @@ pub struct Mapper {
 
 impl Mapper {
     /// An empty map.
-    #[must_use]
-    pub fn new(parameters: Parameters) -> Self {
-        let cell = parameters.cell;
-        Self {
-            filtered: Layer::new(cell, true, parameters.lonely_below),
+    ///
+    /// # Errors
+    /// Parameters out of range, or a rule base that is none.
+    pub fn new(parameters: &Parameters) -> Result<Self, ParametersError> {
+        let integrator = Integrator::new(parameters)?;
+        let (cell, lonely_below) = (integrator.cell, parameters.lonely_below as usize);
+        Ok(Self {
+            integrator,
+            commit: parameters.commit,
+            lonely_below,
+            filtered: Layer::new(cell, true, lonely_below),
             unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false, 0)),
             pending: VecDeque::new(),
             early: BTreeMap::new(),
             way: Way::default(),
             last: Mark::default(),
             counts: Counts::default(),
-            parameters,
-        }
+        })
     }
 
     /// Takes one input. What it changes is shown after [`Self::refresh`].
@@ -200,7 +208,7 @@ impl Mapper {
 
     fn take_verdict(&mut self, seq: u64, verdict: &FilterVerdict) -> Result<(), Refused> {
         verdict.validate().map_err(|source| Refused::Invalid { seq, source })?;
-        if let CommitRule::Horizon { .. } = self.parameters.commit {
+        if let CommitRule::Horizon { .. } = self.commit {
             return Err(Refused::UnexpectedVerdict { seq });
         }
         if seq > self.last.seq {
@@ -235,16 +243,16 @@ impl Mapper {
 
     /// Integrates pending scans for good, in their order, up to the first that is not decided.
     fn commit_while(&mut self, decided: impl Fn(CommitRule, &PendingScan) -> bool) {
-        while let Some(scan) = self.pending.pop_front_if(|scan| decided(self.parameters.commit, scan)) {
-            self.filtered.commit(&self.parameters, &scan);
+        while let Some(scan) = self.pending.pop_front_if(|scan| decided(self.commit, scan)) {
+            self.filtered.commit(&self.integrator, &scan);
             if let Some(unfiltered) = &mut self.unfiltered {
-                unfiltered.commit(&self.parameters, &scan);
+                unfiltered.commit(&self.integrator, &scan);
             }
             let readings = scan.scan.readings().len() as u64;
             self.counts.scans += 1;
             self.counts.readings += readings;
             self.counts.withheld += scan.withheld_count();
-            let expected = !matches!(self.parameters.commit, CommitRule::Horizon { .. });
+            let expected = !matches!(self.commit, CommitRule::Horizon { .. });
             if expected && scan.decision.is_none() {
                 self.counts.undecided += readings;
             }
@@ -255,9 +263,9 @@ impl Mapper {
     ///
     /// Takes time in the number of pending readings and of tiles changed since the last time, not in the size of the map.
     pub fn refresh(&mut self) {
-        self.filtered.refresh(&self.parameters, self.pending.iter());
+        self.filtered.refresh(&self.integrator, self.pending.iter());
         if let Some(unfiltered) = &mut self.unfiltered {
-            unfiltered.refresh(&self.parameters, self.pending.iter());
+            unfiltered.refresh(&self.integrator, self.pending.iter());
         }
     }
 
@@ -270,7 +278,7 @@ impl Mapper {
     pub fn write_tile(&self, layer: LayerName, key: TileKey, message: &mut MapTile) {
         let Some(shown) = self.layer(layer).map(Layer::shown) else { return };
         *message = MapTile {
-            cell_m: self.parameters.cell_m(),
+            cell_m: self.integrator.cell.metres(),
             scan_seq: self.last.seq,
             column: key.column,
             row: key.row,
@@ -282,7 +290,7 @@ impl Mapper {
 
     /// The unfiltered layer shows every reading.
     fn lonely_below(&self, layer: LayerName) -> usize {
-        if layer == LayerName::Filtered { self.parameters.lonely_below } else { 0 }
+        if layer == LayerName::Filtered { self.lonely_below } else { 0 }
     }
 
     /// All tiles of a layer as they are shown, in the order of their place.
@@ -331,7 +339,7 @@ impl Mapper {
     /// Edge of a cell.
     #[must_use]
     pub fn cell_size(&self) -> CellSize {
-        self.parameters.cell
+        self.integrator.cell
     }
 
     /// Number of scans within the horizon.

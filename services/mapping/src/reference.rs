@@ -5,10 +5,9 @@ use std::f64::consts::TAU;
 use geometry::{Cell, Lattice};
 use messages::{Pose, SonarReading};
 use proptest::prelude::*;
-use settings::{Mapping, Pace};
 
-use crate::Parameters;
-use crate::integrate::{Beam, probability};
+use crate::integrate::{Beam, Integrator, probability};
+use crate::parameters::{Parameters, SensorParameters};
 
 const CELL_M: f64 = 0.05;
 const HALF_BEAM_DEG: f64 = 12.5;
@@ -108,11 +107,13 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
     fn every_cell_is_as_the_plain_writing_has_it(readings in prop::collection::vec(reading(), 1..12), fades in any::<bool>()) {
-        let parameters = Parameters::new(&Mapping { fades, ..Mapping::default() }, Pace::Lockstep).unwrap();
-        let mut lattice = Lattice::new(parameters.cell);
+        let faded = SensorParameters::default();
+        let sensor = SensorParameters { fades: faded.fades.filter(|_| fades), ..faded };
+        let integrator = Integrator::new(&Parameters { sensor, ..Parameters::default() }).unwrap();
+        let mut lattice = Lattice::new(integrator.cell);
         for (pose, reading, withheld) in &readings {
             let expected = reference(&lattice, pose, reading, fades, *withheld);
-            Beam { map_from_robot: pose, reading }.integrate(&mut lattice, &parameters, *withheld);
+            Beam { map_from_robot: pose, reading }.integrate(&mut lattice, &integrator, *withheld);
             for (cell, after) in expected {
                 let found = f64::from(lattice.get(cell));
                 prop_assert!(found.abs() <= 2.0);

@@ -19,7 +19,6 @@
 use geometry::{Lattice, TileKey};
 use messages::{FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, UpdateRegion};
 
-use crate::Parameters;
 use crate::codec::{Decoder, Encode, StateError};
 use crate::layer::Layer;
 use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
@@ -35,9 +34,9 @@ impl Mapper {
     pub fn save_head(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(8 * self.way.places_m.len() + 1024 * (self.pending.len() + 1));
         bytes.put(NAME_AND_VERSION);
-        bytes.put_f64(self.parameters.cell_m());
-        bytes.put(&self.parameters.l_max.to_le_bytes());
-        bytes.put_u32(u32::from(self.parameters.keep_unfiltered));
+        bytes.put_f64(self.integrator.cell.metres());
+        bytes.put(&self.integrator.l_max.to_le_bytes());
+        bytes.put_u32(u32::from(self.unfiltered.is_some()));
         bytes.put_u64(self.last.seq);
         bytes.put_u64(self.last.stamp_ns);
         let Counts { scans, readings, withheld, undecided } = self.counts;
@@ -73,26 +72,22 @@ impl Mapper {
         cells.into_iter().flatten().for_each(|cell| bytes.put(&cell.to_le_bytes()));
     }
 
-    /// A mapper that goes on from what [`Self::save_head`] gave, and [`Self::save_tile`] of each tile, with the parameters it had
-    /// then.
+    /// This empty mapper with the state that [`Self::save_head`] gave, and [`Self::save_tile`] of each tile, under the same
+    /// parameters.
     ///
     /// # Errors
     /// Bytes that no mapper with these parameters saved, with the place of the first that is wrong.
-    pub fn restore<'a>(
-        parameters: Parameters,
-        head: &[u8],
-        tiles: impl IntoIterator<Item = ([i32; 3], &'a [u8])>,
-    ) -> Result<Self, StateError> {
+    pub fn restore<'a>(self, head: &[u8], tiles: impl IntoIterator<Item = ([i32; 3], &'a [u8])>) -> Result<Self, StateError> {
         let from = &mut Decoder::new(head);
-        let mut mapper = Mapper::new(parameters);
+        let mut mapper = self;
         let name = from.bytes::<8>()?;
         from.require(name == NAME_AND_VERSION, name.escape_ascii(), "SMMAP\\x00\\x00\\x03: the state of a map, version 3")?;
         let cell_m = from.f64()?;
-        from.require(cell_m.to_bits() == mapper.parameters.cell_m().to_bits(), cell_m, "the edge of a cell that is set")?;
+        from.require(cell_m.to_bits() == mapper.integrator.cell.metres().to_bits(), cell_m, "the edge of a cell that is set")?;
         let l_max = from.f32()?;
-        from.require(l_max.to_bits() == mapper.parameters.l_max.to_bits(), l_max, "the limit of log-odds that is set")?;
+        from.require(l_max.to_bits() == mapper.integrator.l_max.to_bits(), l_max, "the limit of log-odds that is set")?;
         let unfiltered = from.u32()?;
-        from.require(unfiltered == u32::from(mapper.parameters.keep_unfiltered), unfiltered, "an unfiltered layer as it is set")?;
+        from.require(unfiltered == u32::from(mapper.unfiltered.is_some()), unfiltered, "an unfiltered layer as it is set")?;
         mapper.last = Mark { seq: from.u64()?, stamp_ns: from.u64()? };
         mapper.counts = Counts { scans: from.u64()?, readings: from.u64()?, withheld: from.u64()?, undecided: from.u64()? };
         mapper.way = take_way(from)?;
@@ -118,7 +113,7 @@ impl Mapper {
 
     fn take_tile(&mut self, key: [i32; 3], bytes: &[u8]) -> Result<(), StateError> {
         let from = &mut Decoder::new(bytes);
-        let cells = from.tile(self.parameters.l_max)?;
+        let cells = from.tile(self.integrator.l_max)?;
         from.end()?;
         let [layer, row, column] = key;
         let place = TileKey { row, column };

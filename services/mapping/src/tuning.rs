@@ -2,7 +2,7 @@
 
 use fuzzy::{Partition, RuleTable};
 
-use crate::ParametersError;
+use crate::parameters::{ParametersError, TuningParameters};
 
 /// What a beam's cone holds before the reading is integrated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,14 +41,14 @@ pub(crate) struct Tuning {
 }
 
 impl Tuning {
-    pub(crate) fn new(settings: &settings::Tuning) -> Result<Self, ParametersError> {
-        let inputs = [Partition::new(settings.p_arc.get().to_vec())?, Partition::new(settings.p_free.get().to_vec())?];
-        let table = |rules: Vec<f64>| RuleTable::new(inputs.clone(), rules);
+    pub(crate) fn new(parameters: &TuningParameters) -> Result<Self, ParametersError> {
+        let inputs = [Partition::new(parameters.p_arc.to_vec())?, Partition::new(parameters.p_free.to_vec())?];
+        let table = |rules: &[[f64; 3]; 3]| RuleTable::new(inputs.clone(), rules.as_flattened().to_vec());
         Ok(Self {
-            enabled: settings.enabled,
-            gain: table(settings.gain.iter().flatten().map(|g| g.get()).collect())?,
-            sigma_theta_rad: table(settings.sigma_theta_deg.iter().flatten().map(|s| s.get().to_radians()).collect())?,
-            k_e: table(settings.k_e.iter().flatten().map(|k| k.get()).collect())?,
+            enabled: parameters.enabled,
+            gain: table(&parameters.gain)?,
+            sigma_theta_rad: table(&parameters.sigma_theta_rad)?,
+            k_e: table(&parameters.k_e)?,
         })
     }
 

@@ -9,21 +9,22 @@ use messages::{
     FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Payload, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook,
 };
 use proptest::prelude::*;
-use settings::{Mapping, Pace};
-use stillmap_mapping::{Input, Mapper, Parameters, Refused, StateError};
+use stillmap_mapping::{CommitRule, Input, Mapper, Parameters, Refused, StateError};
 
 const SECOND_NS: u64 = 1_000_000_000;
 
-fn mapper(pace: Pace, settings: Mapping) -> Mapper {
-    Mapper::new(Parameters::new(&settings, pace).unwrap())
+fn mapper(parameters: &Parameters) -> Mapper {
+    Mapper::new(parameters).unwrap()
 }
 
-fn both_layers() -> Parameters {
-    Parameters::new(&Mapping { expect_verdicts: true, keep_unfiltered: true, ..Mapping::default() }, Pace::Lockstep).unwrap()
+/// No verdicts are expected.
+fn by_horizon() -> Mapper {
+    mapper(&Parameters::default())
 }
 
+/// Both layers, in lockstep with verdicts.
 fn lockstep_with_verdicts() -> Mapper {
-    Mapper::new(both_layers())
+    mapper(&Parameters { commit: CommitRule::Verdict, keep_unfiltered: true, ..Parameters::default() })
 }
 
 fn verdict(withheld: u32) -> FilterVerdict {
@@ -55,7 +56,7 @@ fn log_odds_at(mapper: &mut Mapper, layer: Layer, x_m: f64, y_m: f64) -> f32 {
 
 #[test]
 fn a_reading_is_shown_at_once_and_committed_past_the_horizon() {
-    let mut mapper = mapper(Pace::Live, Mapping::default());
+    let mut mapper = by_horizon();
     mapper.step(Input::Scan { seq: 1, stamp_ns: SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
     assert!(log_odds_at(&mut mapper, Layer::Filtered, 1.0, 0.01) > 0.5);
     assert_eq!((mapper.pending_scans(), mapper.counts().readings), (1, 0));
@@ -111,14 +112,13 @@ fn a_verdict_that_frees_clears_its_region_and_nothing_else() {
     assert!(log_odds_at(&mut mapper, Layer::Unfiltered, 1.0, 0.01) > 0.5);
     assert_eq!(mapper.counts().withheld, 0);
     mapper.step(Input::Verdict { seq: 9, verdict: &freeing }).unwrap();
-    assert_eq!(save(&restore(both_layers(), &save(&mapper)).unwrap()), save(&mapper));
+    assert_eq!(save(&restore(&save(&mapper)).unwrap()), save(&mapper));
 }
 
 #[test]
 fn lonely_cells_are_published_free_when_asked_for() {
-    let settings = |lonely_below: u32| Mapping { lonely_below: lonely_below.try_into().unwrap(), ..Mapping::default() };
     let occupied = |lonely_below: u32| {
-        let mut mapper = mapper(Pace::Live, settings(lonely_below));
+        let mut mapper = mapper(&Parameters { lonely_below, ..Parameters::default() });
         mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
         shown(&mut mapper).iter().flat_map(|tile| tile.log_odds).filter(|cell| *cell > 0.619).count()
     };
@@ -128,7 +128,8 @@ fn lonely_cells_are_published_free_when_asked_for() {
 
 #[test]
 fn at_sensor_pace_a_missing_verdict_means_keep_and_is_counted() {
-    let mut mapper = mapper(Pace::Live, Mapping { expect_verdicts: true, ..Mapping::default() });
+    let deadline = CommitRule::VerdictOrDeadline { deadline_ns: 4 * SECOND_NS };
+    let mut mapper = mapper(&Parameters { commit: deadline, ..Parameters::default() });
     mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
     mapper.step(Input::Scan { seq: 2, stamp_ns: 3 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
     assert_eq!(mapper.counts().undecided, 0);
@@ -166,14 +167,14 @@ fn what_cannot_be_taken_is_refused_and_changes_nothing() {
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 4, verdict: &verdict(0) }), Refused::LateVerdict { seq: 4, decided: 4 });
     assert_eq!(refused(&mut mapper, Input::Verdict { seq: 9, verdict: &verdict(0) }), Refused::RepeatedVerdict { seq: 9 });
     assert_eq!(save(&mapper), before);
-    let mut unexpecting = self::mapper(Pace::Lockstep, Mapping::default());
+    let mut unexpecting = by_horizon();
     assert_eq!(refused(&mut unexpecting, Input::Verdict { seq: 1, verdict: &verdict(0) }), Refused::UnexpectedVerdict { seq: 1 });
 }
 
 /// A robot drives 6 m along a wall at y = 0.8 m, a sonar looking straight at it.
 #[test]
 fn a_straight_wall_is_a_straight_dark_line() {
-    let mut mapper = mapper(Pace::Lockstep, Mapping::default());
+    let mut mapper = by_horizon();
     for step in 0..120_u64 {
         let pose = Pose { x_m: 0.05 * step as f64, ..Pose::default() };
         let mount = Pose { y_m: 0.1, yaw_rad: FRAC_PI_2, ..Pose::default() };
@@ -195,7 +196,7 @@ fn a_straight_wall_is_a_straight_dark_line() {
 
 #[test]
 fn what_is_sent_makes_the_whole_map() {
-    let mut mapper = mapper(Pace::Lockstep, Mapping::default());
+    let mut mapper = by_horizon();
     let mut held: BTreeMap<(i32, i32), MapTile> = BTreeMap::new();
     let receive = |mapper: &mut Mapper, held: &mut BTreeMap<(i32, i32), MapTile>| {
         let mut message = MapTile::default();
@@ -276,7 +277,7 @@ proptest! {
             if looks & (1 << (count % 64)) != 0 {
                 let mut ended = mapper.clone();
                 ended.step(Input::End).unwrap();
-                let mut afresh = restore(both_layers(), &save(&ended)).unwrap();
+                let mut afresh = restore(&save(&ended)).unwrap();
                 prop_assert!(cells(shown(&mut mapper)) == cells(shown(&mut afresh)), "after {count} arrivals");
             }
         }
@@ -288,7 +289,7 @@ proptest! {
         let cut = cut.index(arrivals.len());
         let mut whole = lockstep_with_verdicts();
         arrivals[..cut].iter().for_each(|&arrival| feed(&mut whole, &drive, arrival));
-        let mut restored = restore(both_layers(), &save(&whole)).unwrap();
+        let mut restored = restore(&save(&whole)).unwrap();
         for mapper in [&mut whole, &mut restored] {
             arrivals[cut..].iter().for_each(|&arrival| feed(mapper, &drive, arrival));
             mapper.step(Input::End).unwrap();
@@ -335,14 +336,18 @@ fn save_tiles(mapper: &Mapper, keys: Vec<[i32; 3]>, state: &mut State) {
     }
 }
 
-fn restore(parameters: Parameters, state: &State) -> Result<Mapper, StateError> {
-    Mapper::restore(parameters, &state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
+/// Into a mapper of both layers.
+fn restore(state: &State) -> Result<Mapper, StateError> {
+    restore_into(lockstep_with_verdicts(), state)
+}
+
+fn restore_into(mapper: Mapper, state: &State) -> Result<Mapper, StateError> {
+    mapper.restore(&state.0, state.1.iter().map(|(key, tile)| (*key, tile.as_slice())))
 }
 
 /// A state with something in every field.
-fn some_state() -> (Parameters, State) {
-    let parameters = both_layers();
-    let mut mapper = Mapper::new(parameters.clone());
+fn some_state() -> State {
+    let mut mapper = lockstep_with_verdicts();
     for seq in 1..4 {
         let scan = SonarScan { pose: Pose { x_m: 0.1 * seq as f64, ..Pose::default() }, ..echo_ahead(0.4) };
         mapper.step(Input::Scan { seq, stamp_ns: seq, scan: &scan }).unwrap();
@@ -350,14 +355,14 @@ fn some_state() -> (Parameters, State) {
     mapper.step(Input::Verdict { seq: 1, verdict: &verdict(0) }).unwrap();
     mapper.step(Input::Verdict { seq: 3, verdict: &verdict(1) }).unwrap();
     mapper.step(Input::Verdict { seq: 9, verdict: &verdict(1) }).unwrap();
-    (parameters, save(&mapper))
+    save(&mapper)
 }
 
 #[test]
 fn a_state_that_is_cut_short_or_goes_on_is_refused() {
-    let (parameters, state) = some_state();
-    assert!(restore(parameters.clone(), &state).is_ok());
-    let with_head = |head: &[u8]| restore(parameters.clone(), &(head.to_vec(), state.1.clone())).unwrap_err();
+    let state = some_state();
+    assert!(restore(&state).is_ok());
+    let with_head = |head: &[u8]| restore(&(head.to_vec(), state.1.clone())).unwrap_err();
     for length in 0..state.0.len() {
         let error = with_head(&state.0[..length]);
         assert!(error.offset <= length, "{error}");
@@ -367,7 +372,7 @@ fn a_state_that_is_cut_short_or_goes_on_is_refused() {
 
     let with_tile = |key: [i32; 3], tile: &[u8]| {
         let tiles = state.1.iter().map(|(key, tile)| (*key, tile.as_slice())).chain([(key, tile)]);
-        Mapper::restore(parameters.clone(), &state.0, tiles).unwrap_err().to_string()
+        lockstep_with_verdicts().restore(&state.0, tiles).unwrap_err().to_string()
     };
     assert_eq!(with_tile([0, 0, 0], &[0; 9]), "at byte 8: the end, 1 bytes before, expected more bytes");
     assert_eq!(with_tile([0, 0, 0], &[0; 4097]), "at byte 4096: 1 more bytes, expected the end");
@@ -379,9 +384,9 @@ fn a_state_that_is_cut_short_or_goes_on_is_refused() {
 
 #[test]
 fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
-    let (parameters, state) = some_state();
+    let state = some_state();
     let check = |flipped: &State, thoroughly: bool| {
-        if let Ok(mut mapper) = restore(parameters.clone(), flipped) {
+        if let Ok(mut mapper) = restore(flipped) {
             assert!(save(&mapper) == *flipped);
             assert!(mapper.summary().validate().is_ok());
             if thoroughly {
@@ -407,9 +412,9 @@ fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
 
 #[test]
 fn a_state_of_other_settings_is_refused() {
-    let (_, state) = some_state();
-    let error = |settings: Mapping| restore(Parameters::new(&settings, Pace::Lockstep).unwrap(), &state).unwrap_err().to_string();
-    let coarser = Mapping { cell_m: settings::CellSize::try_from(0.1).unwrap(), ..Mapping::default() };
+    let state = some_state();
+    let error = |parameters: Parameters| restore_into(mapper(&parameters), &state).unwrap_err().to_string();
+    let coarser = Parameters { cell_m: 0.1, ..Parameters::default() };
     assert_eq!(error(coarser), "at byte 16: 0.05, expected the edge of a cell that is set");
-    assert_eq!(error(Mapping::default()), "at byte 24: 1, expected an unfiltered layer as it is set");
+    assert_eq!(error(Parameters::default()), "at byte 24: 1, expected an unfiltered layer as it is set");
 }

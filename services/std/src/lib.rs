@@ -17,8 +17,7 @@ mod step;
 mod tracks;
 mod tvm;
 
-pub use parameters::{Parameters, ParametersError};
-pub use settings::MovingCell as Rule;
+pub use parameters::{Parameters, ParametersError, Rule};
 pub use state::StateError;
 pub use step::Std;
 pub use tracks::Track;

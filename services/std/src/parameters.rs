@@ -1,7 +1,15 @@
 //! What STD works by.
 
 use geometry::{CellSize, CellSizeError};
-use settings::{MovingCell as Rule, Settings};
+
+/// When a cell that an echo fell in counts as moving.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rule {
+    /// Nothing was there within the span, and it was seen free lately.
+    Visible,
+    /// Nothing was there within the span: the paper's Table 1.
+    Paper,
+}
 
 /// What STD works by.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,22 +66,6 @@ pub enum ParametersError {
 }
 
 impl Parameters {
-    /// The parameters that the settings of a deployment mean.
-    #[must_use]
-    pub fn of_settings(settings: &Settings) -> Self {
-        let Settings { std, mapping, .. } = settings;
-        Self {
-            cell_m: mapping.cell_m.get(),
-            half_beam_rad: mapping.half_beam_deg.get().to_radians(),
-            rule: std.rule,
-            span_scans: std.span_scans.get(),
-            tolerance_cells: std.tolerance_cells.get(),
-            moving_share: std.moving_share.get(),
-            free_for_scans: std.free_for_scans.get(),
-            aside_rad: std.aside_deg.get().to_radians(),
-        }
-    }
-
     /// Checks what the types do not.
     pub(crate) fn check(&self) -> Result<CellSize, ParametersError> {
         let within = |name, found: f64, low: f64, high: f64, expected| {

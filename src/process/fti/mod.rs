@@ -1,6 +1,7 @@
 //! The process around FTI: scans and what moves from the bus, verdicts onto it.
 
 mod missed;
+mod parameters;
 
 use std::time::{Duration, Instant};
 
@@ -13,6 +14,7 @@ use settings::{BuiltIn, Pace, Settings};
 use ::fti::{Fti, Input, Parameters, ParametersError, StateError};
 
 use missed::{Missed, News};
+pub(crate) use parameters::parameters;
 
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
@@ -121,7 +123,7 @@ impl Process for Integration {
 impl Integration {
     fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, FtiError> {
         let speed = shell.membership().speed().max(1.0);
-        let parameters = Parameters::of_settings(settings).at_speed(speed);
+        let parameters = parameters(settings, speed);
         let with_camera = parameters.camera.is_some();
         let checkpoint = shell.checkpoint();
         let restored = checkpoint.take_up(|saved| restore(parameters.clone(), saved));

@@ -6,30 +6,35 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fti::{Fti, Input};
-use messages::SonarMotion;
-use settings::Settings;
+use messages::{Pose, SonarMotion};
 use simulator::blobs::Failings;
 use simulator::{Body, Optics};
-use stillmap_evaluate::{Drive, Eyes, Filter, Variation, filter, read_world};
+use stillmap_evaluate::{Chain, Drive, Eyes, Variation, filter, read_world};
 
 const HALL: &str = include_str!("../../../config/worlds/hall.toml");
 
 fn drive(walkers: usize) -> Drive {
     let world = read_world(HALL, Variation { walkers: Some(walkers), seed: 1, stand_s: None }).unwrap();
-    let settings = Settings::default();
-    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: Failings::default() };
-    Drive::through(&world, &Body::of_settings(&settings.robot), settings.robot.range_limit_m.get(), Some(&eyes), 1)
+    let optics = Optics {
+        mount: Pose::default(),
+        height_m: 0.3,
+        field_of_view_rad: 70.0_f64.to_radians(),
+        horizon_share: 0.5,
+        size_px: [160, 120],
+        interval_ns: 66_666_667,
+    };
+    Drive::through(&world, &Body::of(&psos::MODELS[0]), 3.0, Some(&Eyes { optics, failings: Failings::default() }), 1)
 }
 
 fn drives(c: &mut Criterion) {
-    let run = Filter { std: stillmap_std::Parameters::default(), fti: fti::Parameters::default() };
+    let chain = Chain::default();
     let mut group = c.benchmark_group("a scan");
     group.sample_size(10);
     for walkers in [3, 12] {
         let drive = drive(walkers);
         group.throughput(Throughput::Elements(drive.scans.len() as u64));
         group.bench_function(format!("STD and FTI, {walkers} walkers"), |bencher| {
-            bencher.iter(|| filter(black_box(&drive), &run).unwrap());
+            bencher.iter(|| filter(black_box(&drive), &chain).unwrap());
         });
     }
     group.finish();

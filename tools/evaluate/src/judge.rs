@@ -1,19 +1,21 @@
 //! A drive through STD, FTI and the mapper, in this process.
 
-use mapping::Mapper;
+use mapping::{CommitRule, Mapper};
 use messages::{EchoLabel, FilterVerdict, Layer, SonarMotion};
 use stillmap_std::Std;
 
 use crate::drive::{Drive, Scan};
 use crate::occupancy::Occupancy;
 
-/// STD and FTI as they are to be run.
-#[derive(Debug, Clone)]
-pub struct Filter {
+/// The algorithms as they are to be run.
+#[derive(Debug, Clone, Default)]
+pub struct Chain {
     /// STD.
     pub std: stillmap_std::Parameters,
     /// FTI.
     pub fti: fti::Parameters,
+    /// The mapper; its commit rule and layers are those that judging needs.
+    pub mapping: mapping::Parameters,
 }
 
 /// What STD and FTI said of a drive.
@@ -50,9 +52,9 @@ pub enum FilterError {
 ///
 /// # Errors
 /// Parameters that cannot be meant.
-pub fn filter(drive: &Drive, filter: &Filter) -> Result<Outcome, FilterError> {
-    let mut std = Std::new(filter.std)?;
-    let mut fti = fti::Fti::new(filter.fti.clone())?;
+pub fn filter(drive: &Drive, chain: &Chain) -> Result<Outcome, FilterError> {
+    let mut std = Std::new(chain.std)?;
+    let mut fti = fti::Fti::new(chain.fti.clone())?;
     let mut outcome = Outcome { motions: Vec::new(), verdicts: Vec::new(), grounds: Vec::new(), tracks_m: Vec::new() };
     let mut frames = drive.frames.iter().peekable();
     for Scan { seq, stamp_ns, scan, .. } in &drive.scans {
@@ -80,18 +82,18 @@ fn collect(outcome: &mut Outcome, verdicts: Vec<fti::Verdict>) {
 /// The map of a drive under these verdicts.
 ///
 /// # Errors
-/// Settings or verdicts that the mapper refuses.
-pub fn judge(drive: &Drive, settings: &settings::Mapping, verdicts: &[FilterVerdict]) -> Result<Occupancy, FilterError> {
-    Ok(Occupancy::of(&mapped(drive, settings, verdicts)?, Layer::Filtered))
+/// Parameters or verdicts that the mapper refuses.
+pub fn judge(drive: &Drive, parameters: &mapping::Parameters, verdicts: &[FilterVerdict]) -> Result<Occupancy, FilterError> {
+    Ok(Occupancy::of(&mapped(drive, parameters, verdicts)?, Layer::Filtered))
 }
 
 /// The mapper of a drive under these verdicts, with everything decided; its unfiltered layer is the map without verdicts.
 ///
 /// # Errors
-/// Settings or verdicts that the mapper refuses.
-pub fn mapped(drive: &Drive, settings: &settings::Mapping, verdicts: &[FilterVerdict]) -> Result<Mapper, FilterError> {
-    let settings = settings::Mapping { expect_verdicts: true, keep_unfiltered: true, ..settings.clone() };
-    let mut mapper = Mapper::new(mapping::Parameters::new(&settings, settings::Pace::Lockstep)?);
+/// Parameters or verdicts that the mapper refuses.
+pub fn mapped(drive: &Drive, parameters: &mapping::Parameters, verdicts: &[FilterVerdict]) -> Result<Mapper, FilterError> {
+    let parameters = mapping::Parameters { commit: CommitRule::Verdict, keep_unfiltered: true, ..parameters.clone() };
+    let mut mapper = Mapper::new(&parameters)?;
     for (Scan { seq, stamp_ns, scan, .. }, verdict) in drive.scans.iter().zip(verdicts) {
         mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan })?;
         mapper.step(mapping::Input::Verdict { seq: *seq, verdict })?;

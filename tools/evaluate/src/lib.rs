@@ -14,7 +14,7 @@ mod truth;
 mod variation;
 
 pub use drive::{Drive, Eyes, Frame, Scan};
-pub use judge::{Filter, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
+pub use judge::{Chain, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
 pub use occupancy::Occupancy;
 pub use recorded::{NoTruth, Numbered, Recorded};
 pub use score::{Detection, Labels, Score, Tally, track_errors_m};

@@ -2,10 +2,9 @@
 
 use mapping::export::MapCopy;
 use messages::Layer;
-use settings::Settings;
 
 use crate::drive::Drive;
-use crate::judge::{FilterError, Outcome, judge, mapped, oracle};
+use crate::judge::{Chain, FilterError, Outcome, judge, mapped, oracle, unfiltered};
 use crate::occupancy::Occupancy;
 use crate::score::{Detection, Labels, Tally, track_errors_m};
 
@@ -30,10 +29,10 @@ impl Trial {
     /// none, that of the true labels stands in for it.
     ///
     /// # Errors
-    /// Settings or verdicts that the mapper refuses.
-    pub fn judge(drive: &Drive, outcome: &Outcome, reference: Option<&Occupancy>, settings: &Settings) -> Result<Self, FilterError> {
-        let mapper = mapped(drive, &settings.mapping, &outcome.verdicts)?;
-        let truth = judge(drive, &settings.mapping, &oracle(drive))?;
+    /// Parameters or verdicts that the mapper refuses.
+    pub fn judge(drive: &Drive, outcome: &Outcome, reference: Option<&Occupancy>, chain: &Chain) -> Result<Self, FilterError> {
+        let mapper = mapped(drive, &chain.mapping, &outcome.verdicts)?;
+        let truth = judge(drive, &chain.mapping, &oracle(drive))?;
         let labels = Labels::new(&drive.truth, mapper.cell_size());
         let [map, before] = [Layer::Filtered, Layer::Unfiltered].map(|layer| Occupancy::of(&mapper, layer));
         let mut tally = labels.tally(&map, &before, &truth, reference.unwrap_or(&truth));
@@ -42,19 +41,14 @@ impl Trial {
         track_errors_m.sort_by(f64::total_cmp);
         let mut map = MapCopy::of(&mapper);
         map.set_walkers(drive.truth.walkers_m.clone());
-        Ok(Self {
-            tally,
-            detection: Detection::count(drive, &outcome.motions, settings.std.aside_deg.get().to_radians()),
-            track_errors_m,
-            map,
-        })
+        Ok(Self { tally, detection: Detection::count(drive, &outcome.motions, chain.std.aside_rad), track_errors_m, map })
     }
 }
 
 /// The map of a drive without walkers.
 ///
 /// # Errors
-/// Settings that the mapper refuses.
-pub fn reference(drive: &Drive, settings: &Settings) -> Result<Occupancy, FilterError> {
-    judge(drive, &settings.mapping, &crate::unfiltered(drive))
+/// Parameters that the mapper refuses.
+pub fn reference(drive: &Drive, parameters: &mapping::Parameters) -> Result<Occupancy, FilterError> {
+    judge(drive, parameters, &unfiltered(drive))
 }

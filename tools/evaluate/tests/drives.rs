@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use geometry::CellSize;
+use mapping::{CommitRule, Input, Mapper};
 use messages::Layer;
-use simulator::blobs::Failings;
-use simulator::{Body, Optics};
-use stillmap_evaluate::{Drive, Eyes, Filter, Labels, Occupancy, Scan, Tally, Variation, filter, judge, oracle, read_world, unfiltered};
+use simulator::Body;
+use stillmap_evaluate::{Chain, Drive, Labels, Occupancy, Scan, Tally, Variation, filter, judge, oracle, read_world, unfiltered};
 
 /// A room; somebody walks to a place beside the robot's way, stands there until the end, and the robot never looks back.
 const ROOM: &str = "
@@ -17,19 +17,23 @@ start_m = [0.8, 1.5]
 way = [{ to_m = [1.4, 1.5], stop_s = 6 }]
 ";
 
+fn body() -> Body {
+    Body::of(&psos::MODELS[0])
+}
+
 fn drive(walkers: Option<usize>) -> Drive {
     let world = read_world(ROOM, Variation { walkers, seed: 1, stand_s: None }).unwrap();
-    Drive::through(&world, &Body::of_settings(&settings::Robot::default()), 3.0, None, 1)
+    Drive::through(&world, &body(), 3.0, None, 1)
 }
 
 #[test]
 fn true_labels_take_the_ghosts_out_and_leave_the_walls() {
-    let settings = settings::Mapping::default();
+    let parameters = mapping::Parameters::default();
     let (with, without) = (drive(None), drive(Some(0)));
-    let before = judge(&with, &settings, &unfiltered(&with)).unwrap();
-    let truth = judge(&with, &settings, &oracle(&with)).unwrap();
-    let reference = judge(&without, &settings, &unfiltered(&without)).unwrap();
-    let labels = Labels::new(&with.truth, CellSize::new(settings.cell_m.get()).unwrap());
+    let before = judge(&with, &parameters, &unfiltered(&with)).unwrap();
+    let truth = judge(&with, &parameters, &oracle(&with)).unwrap();
+    let reference = judge(&without, &parameters, &unfiltered(&without)).unwrap();
+    let labels = Labels::new(&with.truth, CellSize::new(parameters.cell_m).unwrap());
     let tally = |map| labels.tally(map, &before, &truth, &reference);
     assert!(tally(&before).ghosts_before > 10, "{:?}", tally(&before));
     assert_eq!((tally(&before).score().ghosts_removed, tally(&truth).score().walls_lost), (0.0, 0.0));
@@ -56,20 +60,18 @@ const LEAVES_NS: u64 = 33_000_000_000;
 #[test]
 fn who_stood_for_half_a_minute_is_gone_from_the_map_five_seconds_after_leaving() {
     let world = read_world(STANDER, Variation { walkers: None, seed: 1, stand_s: None }).unwrap();
-    let settings = settings::Settings::default();
-    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: Failings::default() };
-    let drive = Drive::through(&world, &Body::of_settings(&settings.robot), 3.0, Some(&eyes), 1);
-    let run = Filter { std: stillmap_std::Parameters::of_settings(&settings), fti: fti::Parameters::of_settings(&settings) };
-    let verdicts = filter(&drive, &run).unwrap().verdicts;
-    let with_verdicts = settings::Mapping { expect_verdicts: true, ..settings.mapping.clone() };
-    let mut mapper = mapping::Mapper::new(mapping::Parameters::new(&with_verdicts, settings::Pace::Lockstep).unwrap());
+    let drive = Drive::through(&world, &body(), 3.0, None, 1);
+    let mut chain = Chain::default();
+    (chain.fti.camera, chain.mapping.commit) = (None, CommitRule::Verdict);
+    let verdicts = filter(&drive, &chain).unwrap().verdicts;
+    let mut mapper = Mapper::new(&chain.mapping).unwrap();
     let mut decided = 0;
     let mut stood = 0;
     for Scan { seq, stamp_ns, scan, .. } in &drive.scans {
-        mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan }).unwrap();
+        mapper.step(Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan }).unwrap();
         // A verdict comes a horizon after its scan, as from FTI.
         while drive.scans[decided].stamp_ns + 3_000_000_000 <= *stamp_ns {
-            mapper.step(mapping::Input::Verdict { seq: drive.scans[decided].seq, verdict: &verdicts[decided] }).unwrap();
+            mapper.step(Input::Verdict { seq: drive.scans[decided].seq, verdict: &verdicts[decided] }).unwrap();
             decided += 1;
         }
         mapper.refresh();

@@ -3,7 +3,7 @@
 //! The paper's figures from this project's own code.
 //!
 //! Each figure is an SVG that is a function of nothing but the code: the same command gives the same bytes. What a figure
-//! shows is computed by the very libraries that map, with the settings that its caption names.
+//! shows is computed by the very libraries that map, with the parameters that its caption names.
 
 mod chart;
 mod detection;

@@ -1,11 +1,12 @@
 //! Fig. 10: the map of a hall with people in it, without and with the filter.
 
-use evaluate::{Drive, Eyes, Filter, filter};
-use mapping::{Input, Mapper, Parameters};
+use evaluate::{Chain, Drive, Eyes, filter, mapped};
+use mapping::Mapper;
 use messages::Layer;
 use simulator::blobs::Failings;
 use simulator::{Body, Optics, World};
 
+use crate::detection::optics;
 use crate::raster;
 use crate::scenes::{Cells, Error, cells};
 use crate::svg::{Anchor, DIM, INK, Svg};
@@ -49,19 +50,10 @@ pub(crate) fn figure() -> Result<String, Error> {
 /// A drive with the filter's verdicts, and the map of it, both layers.
 fn drive() -> Result<(Drive, Mapper), Error> {
     let world = World::parse("hall.toml", HALL)?;
-    let body = Body::of_settings(&settings::Robot::default());
-    let optics = Optics::of_settings(&settings::Camera::default());
+    let optics = Optics { interval_ns: 66_666_667, ..optics() };
     let eyes = Eyes { optics, failings: Failings::default() };
-    let drive = Drive::through(&world, &body, 3.0, Some(&eyes), SEED);
-    let parts = Filter { std: stillmap_std::Parameters::default(), fti: fti::Parameters::default() };
-    let outcome = filter(&drive, &parts)?;
-    let settings = settings::Mapping { expect_verdicts: true, keep_unfiltered: true, ..settings::Mapping::default() };
-    let mut mapper = Mapper::new(Parameters::new(&settings, settings::Pace::Lockstep)?);
-    for (scan, verdict) in drive.scans.iter().zip(&outcome.verdicts) {
-        mapper.step(Input::Scan { seq: scan.seq, stamp_ns: scan.stamp_ns, scan: &scan.scan })?;
-        mapper.step(Input::Verdict { seq: scan.seq, verdict })?;
-    }
-    mapper.step(Input::End)?;
-    mapper.refresh();
+    let chain = Chain::default();
+    let drive = Drive::through(&world, &Body::of(&psos::MODELS[0]), chain.fti.range_limit_m, Some(&eyes), SEED);
+    let mapper = mapped(&drive, &chain.mapping, &filter(&drive, &chain)?.verdicts)?;
     Ok((drive, mapper))
 }

@@ -1,7 +1,7 @@
 //! What several figures share: maps made by the mapper itself, and how they are read.
 
-use mapping::{Input, Mapper, Parameters};
-use messages::{FilterVerdict, Layer, Pose, SonarReading, SonarScan, TILE_EDGE};
+use mapping::{Input, Mapper, Parameters, SensorParameters};
+use messages::{Layer, Pose, SonarReading, SonarScan, TILE_EDGE};
 use std::collections::BTreeMap;
 
 /// A corridor with people in it.
@@ -14,13 +14,9 @@ pub(crate) type Error = Box<dyn std::error::Error + Send + Sync>;
 pub(crate) type Cells = BTreeMap<(i32, i32), f64>;
 
 /// The paper's sensor model: far readings say as much as near ones.
-pub(crate) fn paper_settings(cell_m: f64, half_beam_deg: f64) -> Result<settings::Mapping, Error> {
-    Ok(settings::Mapping {
-        cell_m: settings::CellSize::try_from(cell_m)?,
-        half_beam_deg: settings::HalfBeam::try_from(half_beam_deg)?,
-        fades: false,
-        ..settings::Mapping::default()
-    })
+pub(crate) fn paper_parameters(cell_m: f64, half_beam_deg: f64) -> Parameters {
+    let sensor = SensorParameters { fades: None, ..SensorParameters::default() };
+    Parameters { cell_m, half_beam_rad: half_beam_deg.to_radians(), sensor, ..Parameters::default() }
 }
 
 /// An echo straight ahead of a sonar that sits half a cell to the left of the origin: cells lie on its axis.
@@ -30,13 +26,10 @@ pub(crate) fn echo_ahead(cell_m: f64, range_m: f64) -> SonarScan {
 }
 
 /// The map of scans, a tenth of a second apart.
-pub(crate) fn map_of<'a>(settings: &settings::Mapping, scans: impl IntoIterator<Item = &'a SonarScan>) -> Result<Mapper, Error> {
-    let mut mapper = Mapper::new(Parameters::new(settings, settings::Pace::Lockstep)?);
+pub(crate) fn map_of<'a>(parameters: &Parameters, scans: impl IntoIterator<Item = &'a SonarScan>) -> Result<Mapper, Error> {
+    let mut mapper = Mapper::new(parameters)?;
     for (seq, scan) in (1..).zip(scans) {
         mapper.step(Input::Scan { seq, stamp_ns: seq * 100_000_000, scan })?;
-        if settings.expect_verdicts {
-            mapper.step(Input::Verdict { seq, verdict: &FilterVerdict::default() })?;
-        }
     }
     mapper.step(Input::End)?;
     mapper.refresh();

@@ -4,7 +4,7 @@ use messages::Layer;
 
 use crate::chart::{Axis, Chart, legend};
 use crate::raster;
-use crate::scenes::{Cells, Error, cells, echo_ahead, map_of, paper_settings};
+use crate::scenes::{Cells, Error, cells, echo_ahead, map_of, paper_parameters};
 use crate::svg::{Anchor, DIM, INK, LINES, Svg};
 
 /// Fine, so that the picture shows the model and not the grid.
@@ -20,9 +20,9 @@ const EDGE: f64 = 2.1;
 const SHADES: [f64; 2] = [0.3, 0.8];
 
 pub(crate) fn figure() -> Result<String, Error> {
-    let mut settings = paper_settings(CELL_M, 12.5)?;
-    settings.tuning.enabled = false;
-    let cells = cells(&map_of(&settings, [&echo_ahead(CELL_M, RANGE_M)])?, Layer::Filtered);
+    let mut parameters = paper_parameters(CELL_M, 12.5);
+    parameters.tuning.enabled = false;
+    let cells = cells(&map_of(&parameters, [&echo_ahead(CELL_M, RANGE_M)])?, Layer::Filtered);
 
     let mut svg = Svg::new(1080.0, 330.0);
     draw_cone(&mut svg, &cells);

@@ -3,7 +3,7 @@
 use messages::{Layer, SonarScan};
 
 use crate::chart::{Axis, Chart, legend};
-use crate::scenes::{Error, cells, echo_ahead, map_of, paper_settings};
+use crate::scenes::{Error, cells, echo_ahead, map_of, paper_parameters};
 use crate::svg::{LINES, Svg};
 
 const CELL_M: f64 = 0.05;
@@ -13,7 +13,7 @@ const SHOWN: [([usize; 2], &str); 3] =
 
 pub(crate) fn figure() -> Result<String, Error> {
     // A beam of a degree holds no cell beside its axis.
-    let settings = paper_settings(CELL_M, 1.0)?;
+    let parameters = paper_parameters(CELL_M, 1.0);
     let ranges_m = [[1.0; 8], [1.6; 8], [0.5; 8]].concat();
     let scans: Vec<SonarScan> = ranges_m.into_iter().map(|range_m| echo_ahead(CELL_M, range_m)).collect();
     let mut svg = Svg::new(1080.0, 330.0);
@@ -22,7 +22,7 @@ pub(crate) fn figure() -> Result<String, Error> {
         chart.axes(&mut svg, title, Axis { name: "distance from the sensor, m", spaces: 4 }, Axis { name: "P(occupied)", spaces: 4 });
         let names = counts.map(|count| format!("after reading {count}"));
         for (count, colour) in counts.into_iter().zip(LINES) {
-            let cells = cells(&map_of(&settings, scans.iter().take(count))?, Layer::Filtered);
+            let cells = cells(&map_of(&parameters, scans.iter().take(count))?, Layer::Filtered);
             // Each cell as wide as it is.
             let profile = (0..40).flat_map(|column| {
                 let p = cells.get(&(0, column)).copied().unwrap_or(0.5);
@@ -42,10 +42,10 @@ mod tests {
 
     #[test]
     fn the_map_follows_the_obstacle() {
-        let settings = paper_settings(CELL_M, 1.0).unwrap();
+        let parameters = paper_parameters(CELL_M, 1.0);
         let occupied = |ranges_m: &[f64]| -> Vec<i32> {
             let scans: Vec<SonarScan> = ranges_m.iter().map(|range_m| echo_ahead(CELL_M, *range_m)).collect();
-            let cells = cells(&map_of(&settings, &scans).unwrap(), Layer::Filtered);
+            let cells = cells(&map_of(&parameters, &scans).unwrap(), Layer::Filtered);
             cells.into_iter().filter(|(_, p)| *p > 0.65).map(|((_, column), _)| column).collect()
         };
         let first = occupied(&[1.0; 8]);

@@ -1,5 +1,7 @@
 //! The process around the mapper: scans and verdicts from the bus, tiles to it, files at the end.
 
+mod parameters;
+
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -9,7 +11,9 @@ use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shel
 use settings::{Pace, Settings};
 
 use ::mapping::export::MapCopy;
-use ::mapping::{Input, Mapper, Parameters, ParametersError, Refused, write_files};
+use ::mapping::{Input, Mapper, ParametersError, Refused, write_files};
+
+pub(crate) use parameters::parameters;
 
 /// Scans between two checkpoints: with the lockstep window far fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
@@ -81,11 +85,10 @@ struct Mapping {
 impl Mapping {
     fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, MappingError> {
         let speed = shell.membership().speed();
-        let parameters = Parameters::new(&settings.mapping, settings.pace)?.waiting_for(settings.fti.patience_s.get(), speed);
+        let empty = Mapper::new(&parameters(settings, speed))?;
         let checkpoint = shell.checkpoint();
-        let restored = checkpoint
-            .take_up(|saved| Mapper::restore(parameters.clone(), saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
-        let mapper = restored.unwrap_or_else(|| Mapper::new(parameters));
+        let restored = checkpoint.take_up(|saved| empty.clone().restore(saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
+        let mapper = restored.unwrap_or(empty);
         let mut scans = shell.reader::<SonarScan>()?;
         let (last_seq, last_ns) = mapper.last_scan();
         if last_seq > 0 {

@@ -1,12 +1,15 @@
 //! The process around STD: scans from the bus, an answer to each onto it.
 
+mod parameters;
+
 use bus::{BusError, Reader, Received, Recent, Writer};
 use messages::{SonarMotion, SonarScan};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Settings};
-
 use stillmap_std::{Parameters, ParametersError, StateError, Std};
+
+pub(crate) use parameters::parameters;
 
 /// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
 const CHECKPOINT_SCANS: u64 = 64;
@@ -32,7 +35,7 @@ pub enum StdError {
 /// # Errors
 /// Settings that make no STD, or a bus that fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
-    let parameters = Parameters::of_settings(settings);
+    let parameters = parameters(settings);
     let checkpoint = shell.checkpoint();
     let restored = checkpoint.take_up(|saved| restore(parameters, saved.state));
     let (std, place, recent) = match restored {
