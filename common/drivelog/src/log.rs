@@ -4,9 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use messages::{
-    CameraFrame, CameraMotion, FilterVerdict, Payload, Pictures, Service, SonarMotion, SonarScan, TruthMask, TruthScan, Walkers,
-};
+use messages::{Pictures, Service};
 
 use crate::damage::{Fault, LogError};
 use crate::image::{self, Image};
@@ -242,17 +240,7 @@ impl Log {
 
 /// Whether the messages of a topic are one numbered stream.
 fn is_sequenced(topic: &str) -> bool {
-    const SERVICES: [Service; 8] = [
-        SonarScan::SERVICE,
-        SonarMotion::SERVICE,
-        CameraMotion::SERVICE,
-        FilterVerdict::SERVICE,
-        Walkers::SERVICE,
-        TruthScan::SERVICE,
-        CameraFrame::SERVICE,
-        TruthMask::SERVICE,
-    ];
-    topic == PoseView::TOPIC || SERVICES.iter().any(|service| service.sequenced && service.name == topic)
+    topic == PoseView::TOPIC || Service::named(topic).is_some_and(|service| service.sequenced)
 }
 
 fn decode<T: Logged>(data: &[u8]) -> Result<(u64, T), DecodeError> {

@@ -1,13 +1,8 @@
 //! Messages as a log holds them.
 
-use schemars::JsonSchema;
-use schemars::generate::SchemaSettings;
-use serde::{Deserialize, Serialize};
+use messages::{Invalid, LogLine, MapTile, Payload, Pictures};
 
-use messages::{Invalid, LogLine, MapTile, Payload};
-
-use crate::mirror::{Mirrored, Unfit};
-use crate::{line, tile};
+use crate::{json, line, tile};
 
 /// What a channel of a log says of its messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -28,9 +23,6 @@ pub enum DecodeError {
     /// Not the JSON of this message.
     #[error("the message cannot be read: {0}")]
     Json(#[from] serde_json::Error),
-    /// JSON of this message with too much in it.
-    #[error(transparent)]
-    Unfit(#[from] Unfit),
     /// Not a protobuf message.
     #[error("the message cannot be read: {0}")]
     Protobuf(#[from] prost::DecodeError),
@@ -69,73 +61,82 @@ pub trait Logged: Payload {
     fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError>;
 }
 
-/// The JSON of a message: its sequence number among the fields of its payload.
-#[derive(Serialize, JsonSchema)]
-struct Numbered<J> {
-    seq: u64,
-    #[serde(flatten)]
-    payload: J,
+/// Work to be done for every service of the bus, in its form in a log: see [`visit_logged`].
+pub trait LogVisitor {
+    /// What ends the visit.
+    type Error;
+
+    /// A service that carries messages.
+    ///
+    /// # Errors
+    /// Whatever ends the visit.
+    fn message<T: Logged>(&mut self) -> Result<(), Self::Error>;
+
+    /// A service that carries pictures.
+    ///
+    /// # Errors
+    /// Whatever ends the visit.
+    fn pictures<P: Pictures>(&mut self) -> Result<(), Self::Error>;
 }
 
-/// The sequence number alone.
-#[derive(Deserialize)]
-struct Seq {
-    seq: u64,
+/// Makes every payload of the registry one that logs hold: as JSON, unless Foxglove has a message of its own for it.
+macro_rules! logged {
+    ($($kind:ident $ty:ident)*) => {
+        $(logged!(@implement $kind $ty);)*
+
+        /// Has the visitor do its work for every service of the bus.
+        ///
+        /// # Errors
+        /// The first that the visitor returns.
+        pub fn visit_logged<V: LogVisitor>(visitor: &mut V) -> Result<(), V::Error> {
+            $(logged!(@visit visitor $kind $ty)?;)*
+            Ok(())
+        }
+    };
+    (@implement message MapTile) => { logged!(@foxglove MapTile, foxglove::messages::Grid, tile); };
+    (@implement message LogLine) => { logged!(@foxglove LogLine, foxglove::messages::Log, line); };
+    (@implement message $ty:ident) => {
+        impl Logged for messages::$ty {
+            fn format() -> Format {
+                json_format(stringify!($ty), &json::schema::<Self>(stringify!($ty), Self::SERVICE.doc))
+            }
+
+            fn encode(&self, seq: u64, _stamp_ns: u64) -> Vec<u8> {
+                json::encode(seq, self)
+            }
+
+            fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
+                Ok(json::decode(data)?)
+            }
+        }
+    };
+    (@implement pictures $ty:ident) => {};
+    (@foxglove $ty:ident, $message:ty, $codec:ident) => {
+        impl Logged for $ty {
+            fn format() -> Format {
+                foxglove_format::<$message>()
+            }
+
+            fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
+                $codec::encode(self, seq, stamp_ns)
+            }
+
+            fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
+                $codec::decode(data)
+            }
+        }
+    };
+    (@visit $visitor:ident message $ty:ident) => { $visitor.message::<messages::$ty>() };
+    (@visit $visitor:ident pictures $ty:ident) => { $visitor.pictures::<messages::$ty>() };
 }
+messages::for_each_service!(logged);
 
-impl<T: Payload + Mirrored> Logged for T {
-    fn format() -> Format {
-        let name = core::any::type_name::<T>().rsplit("::").next().unwrap_or_default();
-        json_format::<Numbered<T::Json>>(name)
-    }
-
-    fn encode(&self, seq: u64, _stamp_ns: u64) -> Vec<u8> {
-        // Fails for maps whose keys are no text; no payload has a map.
-        serde_json::to_vec(&Numbered { seq, payload: self.to_json() }).unwrap_or_default()
-    }
-
-    fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
-        // Read twice: flattened, numbers would go through a type that knows no f32.
-        let Seq { seq } = serde_json::from_slice(data)?;
-        Ok((seq, T::from_json(serde_json::from_slice(data)?)?))
-    }
-}
-
-impl Logged for MapTile {
-    fn format() -> Format {
-        foxglove_format::<foxglove::messages::Grid>()
-    }
-
-    fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
-        tile::encode(self, seq, stamp_ns)
-    }
-
-    fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
-        tile::decode(data)
-    }
-}
-
-impl Logged for LogLine {
-    fn format() -> Format {
-        foxglove_format::<foxglove::messages::Log>()
-    }
-
-    fn encode(&self, seq: u64, stamp_ns: u64) -> Vec<u8> {
-        line::encode(self, seq, stamp_ns)
-    }
-
-    fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
-        line::decode(data)
-    }
-}
-
-/// JSON with a schema that names no other: Foxglove does not follow references.
-pub(crate) fn json_format<J: JsonSchema>(name: &str) -> Format {
-    let schema = SchemaSettings::draft07().with(|settings| settings.inline_subschemas = true).into_generator().into_root_schema_for::<J>();
+/// What a channel of JSON messages with this schema says.
+pub(crate) fn json_format(name: &str, schema: &serde_json::Value) -> Format {
     Format {
         schema_name: format!("stillmap.{name}"),
         schema_encoding: "jsonschema".to_owned(),
-        schema: schema.as_value().to_string().into_bytes(),
+        schema: schema.to_string().into_bytes(),
         message_encoding: "json".to_owned(),
     }
 }

@@ -8,8 +8,7 @@ use mcap::records::Metadata;
 use messages::Pose;
 
 use crate::damage::Fault;
-use crate::mirror::Mirrored;
-use crate::shapes;
+use crate::json;
 
 /// The format that is written and read.
 const FORMAT: &str = "stillmap 1";
@@ -47,13 +46,11 @@ impl Preamble {
 
     /// The rest as the second.
     pub(crate) fn metadata(&self) -> Metadata {
-        let sonars: Vec<_> = self.sonars.iter().map(Mirrored::to_json).collect();
         let entries = [
             ("format", FORMAT.to_owned()),
             ("run", format!("{:016x}", self.run)),
             ("robot", self.robot.clone()),
-            // Fails for maps whose keys are no text; a pose is none.
-            ("sonars", serde_json::to_string(&sonars).unwrap_or_default()),
+            ("sonars", json::encode_list(&self.sonars)),
             ("origin", self.origin.clone()),
         ];
         Metadata { name: DESCRIPTION.to_owned(), metadata: entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect() }
@@ -68,11 +65,10 @@ impl Preamble {
         }
         let run = entry("run");
         let sonars = entry("sonars");
-        let ring: Vec<shapes::Pose> = serde_json::from_str(sonars).map_err(|_| wrong("sonars", sonars, "a list of poses in JSON"))?;
         Ok(Self {
             run: u64::from_str_radix(run, 16).map_err(|_| wrong("run", run, "a hexadecimal number"))?,
             robot: entry("robot").to_owned(),
-            sonars: ring.into_iter().map(Pose::from_json).collect::<Result<_, _>>().map_err(|_| wrong("sonars", sonars, "poses"))?,
+            sonars: json::decode_list(sonars).map_err(|_| wrong("sonars", sonars, "a list of poses in JSON"))?,
             origin: entry("origin").to_owned(),
             settings,
         })

@@ -9,7 +9,6 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions};
 use messages::Service;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::damage::WriteError;
@@ -22,12 +21,28 @@ pub(crate) const END_TOPIC: &str = "log/end";
 const CHUNK: u64 = 1 << 20;
 
 /// The end of a stream.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct End {
     /// The service whose stream ends.
     pub(crate) service: String,
     /// Its last message.
     pub(crate) seq: u64,
+}
+
+impl End {
+    fn schema() -> serde_json::Value {
+        serde_json::json!({
+            "$schema": "http://json-schema.org/draft-07/schema#",
+            "title": "End",
+            "description": "The end of a stream.",
+            "type": "object",
+            "properties": {
+                "service": { "type": "string", "description": "The service whose stream ends." },
+                "seq": { "type": "integer", "minimum": 0, "description": "Its last message." },
+            },
+            "required": ["service", "seq"],
+        })
+    }
 }
 
 /// When a message was.
@@ -121,7 +136,7 @@ impl LogWriter {
         let end = End { service: service.name.to_owned(), seq };
         // Fails for maps whose keys are no text; this has none.
         let data = serde_json::to_vec(&end).unwrap_or_default();
-        self.raw(END_TOPIC, || json_format::<End>("End"), Times::of(stamp_ns), seq as u32, &data)
+        self.raw(END_TOPIC, || json_format("End", &End::schema()), Times::of(stamp_ns), seq as u32, &data)
     }
 
     /// Adds a message as bytes.

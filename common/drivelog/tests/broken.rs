@@ -11,8 +11,6 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use stillmap_drivelog::{Ending, Entry, Fault, Log, LogError, Outcome, Part, Recording, info, recover};
 
-use payloads::Arbitrary;
-
 const SCANS: u64 = 6;
 /// Scans between two flushes.
 const HELD: u64 = 2;
@@ -27,7 +25,7 @@ struct Example {
 
 fn example() -> Example {
     let mut runner = TestRunner::deterministic();
-    let any = SonarScan::any().prop_map(|scan| SonarScan::new(scan.pose, &scan.readings()[..scan.readings().len().min(2)], false));
+    let any = payloads::scan().prop_map(|scan| SonarScan::new(scan.pose, &scan.readings()[..scan.readings().len().min(2)], false));
     let scans: Vec<SonarScan> = (0..SCANS).map(|_| any.new_tree(&mut runner).unwrap().current()).collect();
     let tile = MapTile { cell_m: 0.05, ..MapTile::default() };
     let mut recording = Recording::new(&payloads::preamble(7)).unwrap();

@@ -128,9 +128,9 @@ plain! {
         /// Messages sent.
         pub sent: u64,
         /// Its inputs; the first `inputs_count` are valid.
-        pub inputs: [InputCounters; MAX_INPUTS],
+        pub inputs: [InputCounters; MAX_INPUTS] => inputs_count,
         /// Its counters; the first `counters_count` are valid.
-        pub counters: [Counter; MAX_COUNTERS],
+        pub counters: [Counter; MAX_COUNTERS] => counters_count,
         /// Number of inputs.
         pub inputs_count: u32,
         /// Number of counters.
@@ -192,7 +192,7 @@ plain! {
         /// Resident memory, bytes.
         pub resident_bytes: u64,
         /// Its counters; the first `counters_count` are valid.
-        pub counters: [Counter; MAX_COUNTERS],
+        pub counters: [Counter; MAX_COUNTERS] => counters_count,
         /// Number of counters.
         pub counters_count: u32,
         /// Process id; 0 when it is not running.
@@ -210,7 +210,7 @@ plain! {
         /// Milliseconds since it was started.
         pub uptime_ms: u64,
         /// Its processes in start order; the first `count` are valid.
-        pub processes: [ProcessStatus; MAX_PROCESSES],
+        pub processes: [ProcessStatus; MAX_PROCESSES] => count,
         /// Number of processes.
         pub count: u32,
         /// 1 while the deployment is ending.

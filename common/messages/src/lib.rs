@@ -31,10 +31,10 @@ pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,
     ProcessStatus, Progress,
 };
-pub use layout::Layout;
+pub use layout::{Field, Layout, Shape};
 pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, WayChunk};
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
-pub use name::Text;
+pub use name::{Text, padded_text};
 pub use registry::{SERVICES, visit_services};
 pub use scan::{MAX_READINGS, Pose, SonarReading, SonarScan};
 pub use service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};

@@ -59,7 +59,7 @@ plain! {
         /// Places so far, of the whole way.
         pub total: u64,
         /// x and y of each place in the map frame, m; the first `count` are valid.
-        pub points_m: [[f32; 2]; MAX_WAY_POINTS],
+        pub points_m: [[f32; 2]; MAX_WAY_POINTS] => count,
         /// Number of places in this piece.
         pub count: u32,
         /// Always 0.

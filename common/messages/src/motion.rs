@@ -35,7 +35,7 @@ plain! {
     /// The answer of STD to one scan, also when nothing moves; its sequence number is the scan's.
     pub struct SonarMotion {
         /// The first `count` entries are movers, the rest is zero.
-        pub movers: [Mover; MAX_MOVERS],
+        pub movers: [Mover; MAX_MOVERS] => count,
         /// Number of movers.
         pub count: u32,
         /// 1 when there were more movers than fit.
@@ -71,7 +71,7 @@ plain! {
         /// Share of pairs that agree with the transform.
         pub inliers: f64,
         /// The first `count` entries are blobs, the rest is zero.
-        pub blobs: [Blob; MAX_BLOBS],
+        pub blobs: [Blob; MAX_BLOBS] => count,
         /// Number of blobs.
         pub count: u32,
         /// [`CameraStatus`] as a number.

@@ -1,7 +1,6 @@
 //! Short texts of fixed size.
 
-use crate::Layout;
-use crate::layout::{FNV_OFFSET, mix};
+use crate::layout::{FNV_OFFSET, Layout, Shape, mix};
 
 /// UTF-8 text of at most `N` bytes, padded with zeros.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,6 +16,7 @@ unsafe impl<const N: usize> bytemuck::Pod for Text<N> {}
 
 impl<const N: usize> Layout for Text<N> {
     const HASH: u64 = mix(mix(FNV_OFFSET, b"Text"), &(N as u64).to_le_bytes());
+    const SHAPE: Shape = Shape::Text(N);
 }
 
 impl<const N: usize> Text<N> {
@@ -35,11 +35,21 @@ impl<const N: usize> Text<N> {
     /// The text up to the first zero or invalid byte.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        let bytes = self.0.split(|b| *b == 0).next().unwrap_or_default();
-        match core::str::from_utf8(bytes) {
-            Ok(text) => text,
-            Err(error) => core::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
-        }
+        padded_text(&self.0)
+    }
+}
+
+/// The text in bytes that are padded with zeros, up to the first zero or invalid byte: what a [`Text`] of any size holds.
+///
+/// ```
+/// assert_eq!(stillmap_messages::padded_text(b"std\0\0\0\0\0"), "std");
+/// ```
+#[must_use]
+pub fn padded_text(bytes: &[u8]) -> &str {
+    let bytes = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
+    match core::str::from_utf8(bytes) {
+        Ok(text) => text,
+        Err(error) => core::str::from_utf8(&bytes[..error.valid_up_to()]).unwrap_or_default(),
     }
 }
 

@@ -37,7 +37,7 @@ plain! {
         /// The robot in the map frame, from odometry.
         pub pose: Pose,
         /// The first `count` entries are readings, the rest is zero.
-        pub readings: [SonarReading; MAX_READINGS],
+        pub readings: [SonarReading; MAX_READINGS] => count,
         /// Number of readings, at most [`MAX_READINGS`].
         pub count: u32,
         /// 1 when packets were lost or the link was down before this scan, 0 otherwise.

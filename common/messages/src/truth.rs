@@ -48,9 +48,9 @@ plain! {
         /// The robot as its odometry says, in the frame of its start.
         pub odometry: Pose,
         /// The first `count` entries are readings, the rest is zero.
-        pub readings: [TrueReading; MAX_READINGS],
+        pub readings: [TrueReading; MAX_READINGS] => count,
         /// x and y of each walker in the world's frame, m; the first `walkers_count` are valid.
-        pub walkers_m: [[f64; 2]; MAX_TRUE_WALKERS],
+        pub walkers_m: [[f64; 2]; MAX_TRUE_WALKERS] => walkers_count,
         /// Number of readings.
         pub count: u32,
         /// Number of walkers.
@@ -70,7 +70,7 @@ plain! {
         /// Where the robot starts in the world's frame: the map's origin.
         pub start: Pose,
         /// The first `count` entries are surfaces, the rest is zero.
-        pub surfaces: [Surface; MAX_SURFACES_PER_CHUNK],
+        pub surfaces: [Surface; MAX_SURFACES_PER_CHUNK] => count,
         /// Number of the first surface of this piece.
         pub first: u32,
         /// Surfaces of the whole world.

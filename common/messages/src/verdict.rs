@@ -25,7 +25,7 @@ plain! {
     /// The final answer of FTI on one scan; its sequence number is the scan's.
     pub struct FilterVerdict {
         /// The first `count` entries are regions, the rest is zero.
-        pub regions: [UpdateRegion; MAX_REGIONS],
+        pub regions: [UpdateRegion; MAX_REGIONS] => count,
         /// Number of regions.
         pub count: u32,
         /// Bit i set: the occupied part of reading i is left out of the map.
@@ -49,7 +49,7 @@ plain! {
     /// The verdicts to come as they stand: for what is shown, not for what is integrated for good.
     pub struct VerdictOutlook {
         /// The first `count` entries are scans in ascending order, the rest is zero.
-        pub scans: [OutlookScan; MAX_OUTLOOK_SCANS],
+        pub scans: [OutlookScan; MAX_OUTLOOK_SCANS] => count,
         /// Number of scans.
         pub count: u32,
         /// Always 0.
@@ -73,7 +73,7 @@ plain! {
     /// The walkers that are followed at the time of a scan; its sequence number is the scan's.
     pub struct Walkers {
         /// The first `count` entries are walkers, the rest is zero.
-        pub walkers: [TrackedWalker; MAX_TRACKED_WALKERS],
+        pub walkers: [TrackedWalker; MAX_TRACKED_WALKERS] => count,
         /// Number of walkers.
         pub count: u32,
         /// Always 0.
