@@ -29,7 +29,7 @@ fn a_browser_sees_the_map_grow_a_walker_and_a_process_that_comes_back() {
     browser.screen(1280, 800);
     let first = browser.number("stillmap.tiles.known");
     browser.wait(&format!("stillmap.tiles.known > {first} + 4"));
-    browser.wait("stillmap.overlay.way.length > 20");
+    browser.wait("stillmap.overlay.path.length > 20");
     browser.wait("stillmap.overlay.trails.size > 0");
     browser.wait("[...stillmap.overlay.trails.values()].some(trail => trail.length > 3)");
     browser.picture(&Path::new(PICTURES).join("page-1280.png"));

@@ -102,7 +102,7 @@ fn a_replay_stands_still_and_goes_on_as_it_is_asked() {
     assert!(seq > 0 && scan.count > 0, "{scan:?}");
     let scene = watcher.wait("scene", |scene| scene["scans"].as_u64() > Some(100));
     assert!(scene["replay"].is_null(), "a drive obeys nobody");
-    assert!(scene["beams"].as_array().is_some_and(|beams| beams.len() > 3), "{scene}");
+    assert!(scene["cones"].as_array().is_some_and(|beams| beams.len() > 3), "{scene}");
     watcher.wait("status", |status| status["processes"].as_array().is_some_and(|all| all.len() > 4));
     assert!(watcher.tiles > 4, "{} tiles", watcher.tiles);
     let demo = demo.end();

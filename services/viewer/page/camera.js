@@ -1,4 +1,4 @@
-// The camera's picture, with what the background subtraction takes for moving.
+// The picture of the camera, with the blobs and the mask of the background subtraction.
 
 const BLOB = "#c026d3";
 
@@ -6,7 +6,7 @@ export class Camera {
   constructor(section) {
     this.section = section;
     this.canvas = section.querySelector("canvas");
-    this.words = section.querySelector("p");
+    this.text = section.querySelector("p");
     this.showsMask = section.querySelector("input");
     this.showsMask.addEventListener("change", () => this.draw());
     this.motion = null;
@@ -17,7 +17,7 @@ export class Camera {
     this.picture = this.mask = this.motion = null;
   }
 
-  /** Kind, bytes of a pixel, 0, 0, width and height as u16, pixels. */
+  /** A message: kind, bytes per pixel, 0, 0, width and height as u16, pixels. */
   take(view) {
     const [kind, channels] = [view.getUint8(0), view.getUint8(1)];
     const [width, height] = [view.getUint16(4, true), view.getUint16(6, true)];
@@ -27,10 +27,10 @@ export class Camera {
     this.draw();
   }
 
-  /** What the scene says of the camera: its state in words, and its blobs as shares of the picture. */
+  /** The camera in the scene: its state as a text, and its blobs as shares of the picture. */
   takeMotion(motion) {
     this.motion = motion;
-    this.words.textContent = (motion?.state ?? "") + (this.picture ? "" : " (no picture comes with it)");
+    this.text.textContent = (motion?.state ?? "") + (this.picture ? "" : " (without pictures)");
     this.draw();
   }
 
@@ -38,7 +38,7 @@ export class Camera {
     this.section.hidden = !this.picture && !this.motion;
     this.showsMask.parentElement.hidden = !this.mask;
     if (this.picture) this.drawPicture(this.picture);
-    // Who tells only what moves is shown as an empty frame around it.
+    // Motion without a picture is drawn on an empty frame.
     else if (this.motion) [this.canvas.width, this.canvas.height] = [320, Math.max(1, Math.round(320 * this.motion.aspect))];
     this.drawBlobs();
   }

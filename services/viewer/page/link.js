@@ -1,8 +1,8 @@
-// The connection to the robot: comes back by itself when the viewer was restarted, and says so.
+// The connection to the viewer. It reconnects when the viewer was restarted.
 
 const RETRY_MS = 700;
 
-/** Connects; `handlers` are `text(object)`, `tiles(DataView)`, `way(first, Float32Array)`, `picture(DataView)`,
+/** Connects; `handlers` are `text(object)`, `tiles(DataView)`, `path(first, Float32Array)`, `picture(DataView)`,
  *  `state(word)` and `reset()`. */
 export function connect(handlers) {
   const token = new URLSearchParams(location.search).get("token");
@@ -30,7 +30,7 @@ export function connect(handlers) {
   open();
   return {
     send: (command) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(command)),
-    /** The run is ending: a connection that closes now is not waited for. */
+    /** The run is ending: do not reconnect. */
     expectEnd: () => { over = true; },
   };
 }
@@ -44,6 +44,6 @@ function binary(data, handlers) {
     case 1:
       return handlers.tiles(view);
     case 2:
-      return handlers.way(view.getUint32(4, true), new Float32Array(data, 8));
+      return handlers.path(view.getUint32(4, true), new Float32Array(data, 8));
   }
 }

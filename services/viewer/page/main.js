@@ -1,10 +1,10 @@
-// Brings together what comes from the robot and what is shown of it.
+// Connects the messages of the viewer with the parts of the page.
 
 import { Camera } from "./camera.js";
 import { connect } from "./link.js";
 import { MapView } from "./map.js";
 import { Overlay } from "./overlay.js";
-import { filterWords, showProcesses } from "./processes.js";
+import { filterText, showProcesses } from "./processes.js";
 import { ReplayControls } from "./replay.js";
 import { Tiles } from "./tiles.js";
 
@@ -12,7 +12,7 @@ const by = (id) => document.getElementById(id);
 const STATES = {
   connecting: ["waiting", "connecting …"],
   live: ["live", "● live"],
-  lost: ["waiting", "connection lost, trying again …"],
+  lost: ["waiting", "connection lost, reconnecting …"],
   over: ["over", "the run has ended"],
 };
 
@@ -23,12 +23,12 @@ const tiles = new Tiles();
 const overlay = new Overlay();
 let cell = 0.05;
 const view = new MapView(by("map"), (context) => {
-  view.keep(extent(), overlay.scene?.robot);
+  view.track(extent(), overlay.scene?.robot);
   tiles.draw(context, view.toScreen, cell);
   overlay.draw(context, view);
 });
 
-/** The map's edges in m. */
+/** Bounds of the map, m. */
 function extent() {
   const edge = 32 * cell;
   const b = tiles.bounds;
@@ -51,8 +51,8 @@ const link = connect({
     by("empty").hidden = true;
     view.refresh();
   },
-  way(first, places) {
-    overlay.takeWay(first, places);
+  path(first, points) {
+    overlay.takePath(first, points);
     view.refresh();
   },
   picture: (data) => camera.take(data),
@@ -61,7 +61,7 @@ const link = connect({
   },
 });
 
-const replay = new ReplayControls(by("replay"), (wanted) => link.send(wanted));
+const replay = new ReplayControls(by("replay"), (command) => link.send(command));
 
 function showDeployment(deployment) {
   cell = deployment.cell_m;
@@ -84,7 +84,7 @@ function showScene(scene) {
   camera.takeMotion(scene.camera);
   const [minutes, seconds] = [Math.floor(scene.t / 60), Math.floor(scene.t % 60)];
   by("clock").textContent = `${minutes}:${String(seconds).padStart(2, "0")}`;
-  by("filter").textContent = filterWords(scene);
+  by("filter").textContent = filterText(scene);
   document.body.classList.toggle("filters", scene.from_sonar !== null);
   replay.show(scene.replay);
   view.refresh();
@@ -105,5 +105,5 @@ by("fit").addEventListener("click", () => view.look("fit"));
 by("follow").addEventListener("click", () => view.look(view.mode === "follow" ? "free" : "follow"));
 view.onmode = (mode) => by("follow").setAttribute("aria-pressed", String(mode === "follow"));
 
-// What a test, or somebody at the browser's console, may want to know.
+// For tests and for the console of the browser.
 window.stillmap = { tiles, overlay, view, errors };

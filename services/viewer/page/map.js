@@ -1,4 +1,4 @@
-// The map's canvas: where one looks, and when it is drawn.
+// The canvas of the map: the visible part, and when it is drawn.
 
 const MARGIN_PX = 30;
 const NEAREST = 400;
@@ -27,7 +27,7 @@ export class MapView {
     return [width / 2 + (x - this.centre[0]) * this.scale, height / 2 - (y - this.centre[1]) * this.scale];
   };
 
-  /** Draws with the next picture of the screen; however often it is asked for. */
+  /** Draws with the next frame of the screen, once for any number of calls. */
   refresh() {
     if (this.pending) return;
     this.pending = true;
@@ -40,15 +40,15 @@ export class MapView {
     });
   }
 
-  /** "fit" keeps the whole map in view, "follow" the robot in the middle, "free" is where the hand has put it. */
+  /** "fit" keeps the whole map in view, "follow" the robot in the middle, "free" leaves the view where the user moved it. */
   look(mode) {
     this.mode = mode;
     this.onmode?.(mode);
     this.refresh();
   }
 
-  /** Where the map and the robot are, m. */
-  keep(bounds, robot) {
+  /** Moves the view by its mode, with the bounds of the map and the pose of the robot, m. */
+  track(bounds, robot) {
     if (this.mode === "follow" && robot) this.centre = [robot[0], robot[1]];
     if (this.mode === "fit" && bounds) {
       const { width, height } = this.canvas;
@@ -98,7 +98,7 @@ export class MapView {
   zoom(factor, [x, y]) {
     const scale = Math.min(NEAREST, Math.max(FARTHEST, this.scale * factor));
     const [dx, dy] = [x - this.canvas.width / 2, y - this.canvas.height / 2];
-    // What is under the finger stays there; the followed robot stays in the middle.
+    // The point under the pointer stays in place; a followed robot stays in the centre.
     if (this.mode !== "follow") {
       this.centre = [this.centre[0] + dx / this.scale - dx / scale, this.centre[1] - dy / this.scale + dy / scale];
     }

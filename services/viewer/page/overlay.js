@@ -1,38 +1,40 @@
-// What is drawn over the map: the robot and its way, sonar cones, what moves, where the filter is at work.
+// What is drawn over the map: the robot and its path, sonar cones, walkers, and the work of the filter.
 
 const TRAIL_S = 20;
-/** Nobody walks farther between two scans, m: there the track was lost and found again. */
+/** No walker covers more between two scans, m: beyond that the track was lost and found again. */
 const LEAP_M = 0.8;
 const BLUE = "#1f6feb";
-const BEAM = "#d9960a";
-const MOVER = "#c026d3";
+const CONE = "#d9960a";
+const WALKER = "#c026d3";
 const REGION = "#7c3aed";
 const RED = "#d92d20";
-const PERSON = "#0e9384";
+const TRUE_WALKER = "#0e9384";
 
 export class Overlay {
   constructor() {
-    this.shown = { way: true, beams: true, movers: true, stirs: true, regions: true, withheld: true, people: true };
+    this.shown = {
+      path: true, cones: true, walkers: true, sonar_movers: true, regions: true, withheld: true, true_walkers: true,
+    };
     this.halfBeam = 0.22;
     this.clear();
   }
 
   clear() {
-    this.way = [];
+    this.path = [];
     this.scene = null;
     this.trails = new Map();
   }
 
-  /** Places from number `first` on: what was known from there on is replaced. */
-  takeWay(first, places) {
-    this.way.length = Math.min(this.way.length, 2 * first);
-    for (const value of places) this.way.push(value);
+  /** Points from index `first` on, which replace the known ones. */
+  takePath(first, points) {
+    this.path.length = Math.min(this.path.length, 2 * first);
+    for (const value of points) this.path.push(value);
   }
 
   takeScene(scene) {
     if (this.scene && scene.t < this.scene.t) this.trails.clear();
     this.scene = scene;
-    for (const { name, x, y } of scene.movers) {
+    for (const { name, x, y } of scene.walkers) {
       if (!this.trails.has(name)) this.trails.set(name, []);
       const trail = this.trails.get(name);
       const last = trail.at(-1);
@@ -47,31 +49,31 @@ export class Overlay {
   draw(context, view) {
     const px = devicePixelRatio || 1;
     const shown = this.shown;
-    if (shown.way) this.drawWay(context, view, px);
+    if (shown.path) this.drawPath(context, view, px);
     if (!this.scene) return;
-    const { beams, movers, stirs, regions, withheld, people, robot } = this.scene;
-    if (shown.beams) beams.forEach((beam) => this.drawBeam(context, view, beam, px));
-    if (shown.people) people.forEach(([x, y]) => dot(context, view.toScreen(x, y), Math.max(4 * px, 0.2 * view.scale), PERSON));
+    const { cones, walkers, sonar_movers, regions, withheld, true_walkers, robot } = this.scene;
+    if (shown.cones) cones.forEach((cone) => this.drawCone(context, view, cone, px));
+    if (shown.true_walkers) true_walkers.forEach(([x, y]) => dot(context, view.toScreen(x, y), Math.max(4 * px, 0.2 * view.scale), TRUE_WALKER));
     if (shown.withheld) withheld.forEach(([x, y]) => dot(context, view.toScreen(x, y), 3 * px, RED));
     if (shown.regions) regions.forEach((region) => ring(context, view, region, REGION, px, [5 * px, 4 * px]));
-    if (shown.stirs) stirs.forEach((stir) => ring(context, view, stir, BEAM, px, []));
-    if (shown.movers) {
+    if (shown.sonar_movers) sonar_movers.forEach((mover) => ring(context, view, mover, CONE, px, []));
+    if (shown.walkers) {
       this.trails.forEach((trail) => this.drawTrail(context, view, trail, px));
-      movers.forEach((mover) => this.drawMover(context, view, mover, px));
+      walkers.forEach((walker) => this.drawWalker(context, view, walker, px));
     }
-    if (shown.way && robot) drawRobot(context, view, robot, px);
+    if (shown.path && robot) drawRobot(context, view, robot, px);
     drawScale(context, view, px);
   }
 
-  drawWay(context, view, px) {
+  drawPath(context, view, px) {
     context.strokeStyle = BLUE;
     context.lineWidth = 2 * px;
     context.beginPath();
-    for (let at = 0; at + 1 < this.way.length; at += 2) context.lineTo(...view.toScreen(this.way[at], this.way[at + 1]));
+    for (let at = 0; at + 1 < this.path.length; at += 2) context.lineTo(...view.toScreen(this.path[at], this.path[at + 1]));
     context.stroke();
   }
 
-  drawBeam(context, view, { x, y, yaw, range, echo }, px) {
+  drawCone(context, view, { x, y, yaw, range, echo }, px) {
     const at = view.toScreen(x, y);
     const radius = range * view.scale;
     const [from, to] = [-yaw - this.halfBeam, -yaw + this.halfBeam];
@@ -84,7 +86,7 @@ export class Overlay {
     if (!echo) return;
     context.beginPath();
     context.arc(...at, radius, from, to);
-    context.strokeStyle = BEAM;
+    context.strokeStyle = CONE;
     context.lineWidth = 2.5 * px;
     context.stroke();
   }
@@ -101,16 +103,16 @@ export class Overlay {
     context.stroke();
   }
 
-  drawMover(context, view, mover, px) {
-    ring(context, view, mover, MOVER, px, []);
-    const [x, y] = view.toScreen(mover.x, mover.y);
-    const [toX, toY] = view.toScreen(mover.x + mover.vx, mover.y + mover.vy);
-    context.strokeStyle = MOVER;
+  drawWalker(context, view, walker, px) {
+    ring(context, view, walker, WALKER, px, []);
+    const [x, y] = view.toScreen(walker.x, walker.y);
+    const [toX, toY] = view.toScreen(walker.x + walker.vx, walker.y + walker.vy);
+    context.strokeStyle = WALKER;
     context.beginPath();
     context.moveTo(x, y);
     context.lineTo(toX, toY);
     context.stroke();
-    label(context, mover.name, x, y - Math.max(12 * px, mover.radius * view.scale) - 4 * px, MOVER, px);
+    label(context, walker.name, x, y - Math.max(12 * px, walker.radius * view.scale) - 4 * px, WALKER, px);
   }
 }
 

@@ -1,10 +1,10 @@
-// The table of processes and the word on the filter.
+// The table of processes and the line about the filter.
 
-/** How long a restarted process is shown red, ms. */
+/** Time for which a restarted process is shown red, ms. */
 const BROKEN_MS = 2500;
-const WORDS = { backoff: "restarting", failed: "down", finished: "done" };
+const LABELS = { backoff: "restarting" };
 
-/** Shows a status; rows stay where they are, so that a click or a selection is not lost. */
+/** Shows a status. Rows are updated in place, so that a selection is not lost. */
 export function showProcesses(body, { processes }) {
   while (body.rows.length > processes.length) body.deleteRow(-1);
   processes.forEach((process, index) => fill(body.rows[index] ?? newRow(body), process));
@@ -25,7 +25,7 @@ function element(name, className = "") {
 }
 
 function fill(row, process) {
-  // A process comes back faster than the eye sees it gone: it stays red for a while.
+  // A restart is faster than the eye: the row stays red for a while.
   if (process.restarts > Number(row.dataset.restarts ?? process.restarts)) row.dataset.until = performance.now() + BROKEN_MS;
   row.dataset.restarts = process.restarts;
   const broken = ["backoff", "failed"].includes(process.state) || performance.now() < Number(row.dataset.until ?? 0);
@@ -40,8 +40,8 @@ function fill(row, process) {
   text(note, process.note);
   note.title = process.note;
   const restarts = process.restarts ? ` ×${process.restarts}` : "";
-  const word = broken && process.state === "running" ? "restarted" : WORDS[process.state] ?? process.state;
-  text(row.cells[1].firstChild, word + restarts);
+  const label = broken && process.state === "running" ? "restarted" : LABELS[process.state] ?? process.state;
+  text(row.cells[1].firstChild, label + restarts);
   text(row.cells[2], rate(process.received_per_s));
   text(row.cells[3], rate(process.sent_per_s));
   text(row.cells[4], `${(100 * process.cpu).toFixed(0)} %`);
@@ -55,9 +55,9 @@ function rate(value) {
   return value >= 100 ? value.toFixed(0) : value.toFixed(1);
 }
 
-/** What the verdicts rest on, in words. */
-export function filterWords({ from_sonar: sonar, from_camera: camera }) {
-  if (sonar === null) return "No filter runs: every echo counts.";
+/** The inputs of the filter, as a text. */
+export function filterText({ from_sonar: sonar, from_camera: camera }) {
+  if (sonar === null) return "No filter is running: every echo enters the map.";
   const senses = [sonar && "sonar", camera && "camera"].filter(Boolean);
-  return senses.length ? `The filter goes by ${senses.join(" and ")}.` : "The filter hears nothing that moves: every echo counts.";
+  return senses.length ? `The filter uses motion from ${senses.join(" and ")}.` : "The filter receives no motion: every echo enters the map.";
 }

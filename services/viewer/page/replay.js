@@ -1,14 +1,14 @@
-// Play, pause and speed: shows what playback says of itself, and asks it for something else.
+// Play, pause and speed: shows the state of playback and sends commands to it.
 
 export class ReplayControls {
-  constructor(section, ask) {
+  constructor(section, send) {
     this.section = section;
     this.pause = section.querySelector("#pause");
     this.speed = section.querySelector("#speed");
     this.progress = section.querySelector("#progress");
     this.state = { paused: false, times: 1 };
-    this.pause.addEventListener("click", () => ask({ paused: !this.state.paused, times: this.state.times ?? 1 }));
-    this.speed.addEventListener("change", () => ask({ paused: this.state.paused, times: Number(this.speed.value) }));
+    this.pause.addEventListener("click", () => send({ paused: !this.state.paused, times: this.state.times ?? 1 }));
+    this.speed.addEventListener("change", () => send({ paused: this.state.paused, times: Number(this.speed.value) }));
   }
 
   show(replay) {

@@ -1,4 +1,4 @@
-// The map as it came: tiles of 32 × 32 cells, painted onto larger pieces that are quick to draw.
+// The map: tiles of 32 × 32 cells, painted onto larger pieces that are quick to draw.
 
 const EDGE = 32;
 const CELLS = EDGE * EDGE;
@@ -61,7 +61,7 @@ export class Tiles {
     const piece = this.piece(pieceColumn, pieceRow);
     const image = new ImageData(EDGE, EDGE);
     for (let index = 0; index < CELLS; index++) {
-      // The picture's first row is the largest y.
+      // The first row of the picture has the largest y.
       const pixel = 4 * ((EDGE - 1 - Math.floor(index / EDGE)) * EDGE + (index % EDGE));
       image.data.set(colour(filtered?.[index] ?? 0, unfiltered?.[index] ?? 0), pixel);
       image.data[pixel + 3] = 255;
@@ -83,7 +83,7 @@ export class Tiles {
     return piece;
   }
 
-  /** Draws what is known; `toScreen(x, y)` takes metres. */
+  /** Draws the map; `toScreen(x, y)` takes metres. */
   draw(context, toScreen, cell) {
     context.imageSmoothingEnabled = false;
     const edge = PIECE * EDGE * cell;
@@ -103,7 +103,7 @@ function shade(value) {
   return UNKNOWN.map((from, channel) => from + (target[channel] - from) * share);
 }
 
-/** What only one of the two maps holds as a wall is coloured. */
+/** Colours the cells that only one of the two maps has as occupied. */
 function difference(filtered, unfiltered) {
   const wall = (value) => value > 40;
   if (wall(unfiltered) && !wall(filtered)) return REMOVED;

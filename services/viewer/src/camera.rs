@@ -1,9 +1,9 @@
-//! The camera's picture and SBS's mask as the page is sent them.
+//! Pictures and masks of the camera, as the page receives them.
 
 use messages::{FrameLayout, PixelFormat};
 use tungstenite::Message;
 
-/// Widest picture that is sent, px: the page shows it no wider, and a phone's line has to carry it.
+/// Widest picture that is sent, px: the page shows no wider one, and a phone's connection has to carry it.
 const WIDEST: usize = 320;
 /// First byte of a message with a picture.
 const PICTURE: u8 = 3;
@@ -28,7 +28,7 @@ pub fn mask(layout: FrameLayout, bytes: &[u8]) -> Message {
     message([MASK, 1], layout, bytes, |row, u| row.get(u..=u))
 }
 
-/// Every so many-th pixel of every so many-th row, so that the picture is narrow enough.
+/// Subsamples rows and columns until the picture is narrow enough.
 fn message(head: [u8; 2], layout: FrameLayout, bytes: &[u8], pixel: impl Fn(&[u8], usize) -> Option<&[u8]>) -> Message {
     let (width, height, stride) = (layout.width as usize, layout.height as usize, layout.stride as usize);
     let factor = width.div_ceil(WIDEST).max(1);
@@ -39,7 +39,7 @@ fn message(head: [u8; 2], layout: FrameLayout, bytes: &[u8], pixel: impl Fn(&[u8
     for row in bytes.chunks(stride.max(1)).take(height).step_by(factor) {
         out.extend((0..width).step_by(factor).filter_map(|u| pixel(row, u)).flatten());
     }
-    // A picture that was checked is whole; one that is not is shown with what is missing in black.
+    // Missing pixels of a truncated picture are black.
     out.resize(8 + columns * rows * usize::from(head[1]), 0);
     Message::Binary(out.into())
 }
@@ -62,11 +62,11 @@ mod tests {
         assert_eq!(bytes(yuyv), [head(3, 1), vec![1, 2, 3, 4]].concat());
         let rgb = picture(layout(2, 2, 6), PixelFormat::Rgb, &(0..12).collect::<Vec<u8>>());
         assert_eq!(bytes(rgb), [head(3, 3), (0..12).collect()].concat());
-        assert_eq!(bytes(mask(layout(2, 2, 2), &[0, 255])), [head(4, 1), vec![0, 255, 0, 0]].concat(), "what is missing is black");
+        assert_eq!(bytes(mask(layout(2, 2, 2), &[0, 255])), [head(4, 1), vec![0, 255, 0, 0]].concat(), "missing pixels are black");
     }
 
     #[test]
-    fn a_wide_picture_is_made_narrow() {
+    fn a_wide_picture_is_subsampled() {
         let wide: Vec<u8> = (0..640 * 4).map(|index| (index % 640 / 4) as u8).collect();
         let data = picture(layout(640, 4, 640), PixelFormat::Grey, &wide).into_data();
         assert_eq!(data[4..8], [64, 1, 2, 0], "320 × 2");

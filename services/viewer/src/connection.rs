@@ -1,4 +1,4 @@
-//! One browser: it is shown the page, and then what is on the board.
+//! The connection of one browser: it receives the page, and then what is on the board.
 
 use std::io::{Read, Write};
 use std::time::Instant;
@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde::Deserialize;
 use tungstenite::protocol::frame::coding::CloseCode;
 
-use crate::access::{Access, Refusal};
+use crate::access::{Access, Rejection};
 use crate::board::{Board, Cursor};
 use crate::http::{self, Request};
 use crate::link::{Flushed, Link, Reply};
@@ -14,37 +14,37 @@ use crate::page;
 
 /// Longest message from a browser, bytes.
 const LONGEST_COMMAND: usize = 1024;
-/// Where the page asks for its data.
+/// Path of the page's data.
 const LIVE: &str = "/live";
 
-/// What a browser asks of a replay.
+/// A command for the replay.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Command {
-    /// To stand still.
+    /// To pause.
     pub paused: bool,
-    /// Times the drive's own pace.
+    /// Speed relative to the drive.
     pub times: f64,
 }
 
-/// What a connection needs to know of the page it serves.
+/// The page that a connection serves.
 #[derive(Clone, Copy)]
 pub struct Site<'a> {
-    /// Who may look.
+    /// Which requests are admitted.
     pub access: &'a Access,
-    /// Whether there is a replay that obeys commands.
-    pub obeys: bool,
+    /// Whether there is a replay to command.
+    pub accepts_commands: bool,
 }
 
-/// What came of an offer.
+/// The result of an offer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Offer {
-    /// It watches and was sent so many bytes; 0 when it has everything.
-    Taken(usize),
-    /// It watches, has not taken what it was sent before, and misses this.
+    /// The browser was sent so many bytes; 0 if it has received everything.
+    Sent(usize),
+    /// The browser is stalled and misses this update.
     Missed,
-    /// It does not watch.
-    Absent,
+    /// The connection is no browser that shows the page.
+    NotWatching,
 }
 
 /// One connection to the page.
@@ -53,42 +53,42 @@ pub struct Connection<S: Read + Write> {
 }
 
 impl<S: Read + Write> Connection<S> {
-    /// A connection that has just been made; `stream` does not block.
+    /// A new connection over a non-blocking stream.
     pub fn new(stream: S, now: Instant) -> Self {
         Self { link: Link::new(stream, now) }
     }
 
-    /// Whether nothing more is to be done for it.
+    /// Whether the connection is closed.
     #[must_use]
-    pub fn is_over(&self) -> bool {
-        self.link.is_over()
+    pub fn is_closed(&self) -> bool {
+        self.link.is_closed()
     }
 
-    /// Whether it is sent what is on the board.
+    /// Whether it is a browser that shows the page.
     #[must_use]
     pub fn is_watching(&self) -> bool {
-        self.link.guest().is_some()
+        self.link.peer().is_some()
     }
 
-    /// Whether something is on its way that the stream did not take yet.
+    /// Whether something is still to be written to the stream.
     #[must_use]
     pub fn is_writing(&self) -> bool {
         self.link.is_writing()
     }
 
-    /// The stream, as long as it is open.
+    /// The stream, while it is open.
     pub fn stream(&self) -> Option<&S> {
         self.link.stream()
     }
 
-    /// Takes what has come and answers it; the commands among it. Whatever is wrong ends this connection and nothing else.
+    /// Reads and answers what has arrived; returns the commands. Invalid input closes this connection and affects no other.
     pub fn advance(&mut self, site: Site<'_>, now: Instant) -> Vec<Command> {
         let mut commands = Vec::new();
         for text in self.link.advance(now, |request| answer(request, site)) {
             match serde_json::from_str(text.as_str()) {
-                Ok(command) if site.obeys => commands.push(command),
+                Ok(command) if site.accepts_commands => commands.push(command),
                 _ => {
-                    self.link.dismiss(CloseCode::Policy, "this is no command that is obeyed here");
+                    self.link.close(CloseCode::Policy, "this is not a valid command");
                     break;
                 }
             }
@@ -96,53 +96,53 @@ impl<S: Read + Write> Connection<S> {
         commands
     }
 
-    /// Sends what the browser lacks, unless it has not taken what it was sent before.
+    /// Sends what the browser has not received, unless it is stalled.
     pub fn offer(&mut self, board: &Board, now: Instant) -> Offer {
-        let was_deaf = self.link.is_deaf();
-        let news = match self.link.guest_mut() {
-            Some(cursor) if !was_deaf => board.news(cursor),
+        let was_stalled = self.link.is_stalled();
+        let updates = match self.link.peer_mut() {
+            Some(cursor) if !was_stalled => board.updates(cursor),
             _ => Vec::new(),
         };
-        let sent = news.iter().map(tungstenite::Message::len).sum();
-        news.into_iter().for_each(|message| self.link.write(message));
-        match (self.link.flush(now), self.link.guest()) {
-            (Flushed::Gone, _) | (_, None) => Offer::Absent,
-            (_, Some(cursor)) if was_deaf && board.has_news(cursor) => Offer::Missed,
-            _ => Offer::Taken(sent),
+        let sent = updates.iter().map(tungstenite::Message::len).sum();
+        updates.into_iter().for_each(|message| self.link.write(message));
+        match (self.link.flush(now), self.link.peer()) {
+            (Flushed::Closed, _) | (_, None) => Offer::NotWatching,
+            (_, Some(cursor)) if was_stalled && board.has_updates(cursor) => Offer::Missed,
+            _ => Offer::Sent(sent),
         }
     }
 
-    /// Whether it watches and has not been sent everything, or has not taken it.
+    /// Whether it is a browser that has not received everything.
     pub fn is_behind(&self, board: &Board) -> bool {
-        self.link.guest().is_some_and(|cursor| self.link.is_deaf() || board.has_news(cursor))
+        self.link.peer().is_some_and(|cursor| self.link.is_stalled() || board.has_updates(cursor))
     }
 
-    /// Says that nothing more comes.
-    pub fn bid_farewell(&mut self) {
-        self.link.bid_farewell();
+    /// Closes the connection because the run has ended.
+    pub fn close(&mut self) {
+        self.link.close_at_end();
     }
 }
 
 fn answer(request: &Request, site: Site<'_>) -> Reply<Cursor> {
     let is_public = page::is_public(&request.path);
-    let admitted = if is_public { site.access.admit_host(request) } else { site.access.admit(request) };
-    if let Err(refusal) = admitted {
-        return Reply::Answer(refuse(refusal));
+    let admission = if is_public { site.access.admit_host(request) } else { site.access.admit(request) };
+    if let Err(rejection) = admission {
+        return Reply::Response(reject(rejection));
     }
-    Reply::Answer(match (request.path.as_str(), &request.websocket_key) {
+    Reply::Response(match (request.path.as_str(), &request.websocket_key) {
         (LIVE, Some(key)) => {
-            return Reply::Switch { head: http::switch(key, None), longest: LONGEST_COMMAND, guest: Cursor::default() };
+            return Reply::Switch { head: http::switch(key, None), longest: LONGEST_COMMAND, peer: Cursor::default() };
         }
-        (LIVE, None) => http::refusal("426 Upgrade Required", "this address speaks WebSocket only"),
+        (LIVE, None) => http::error("426 Upgrade Required", "this path is for WebSocket only"),
         (path, _) => match page::file(path) {
             Some(file) => http::response("200 OK", file.content_type, file.body),
-            None => http::refusal("404 Not Found", "there is no such page here: the page is at /"),
+            None => http::error("404 Not Found", "not found: the page is at /"),
         },
     })
 }
 
-/// The answer to who may not look.
-pub(crate) fn refuse(refusal: Refusal) -> Vec<u8> {
-    let status = if refusal == Refusal::Token { "401 Unauthorized" } else { "403 Forbidden" };
-    http::refusal(status, &refusal.to_string())
+/// The response to a request that is not admitted.
+pub(crate) fn reject(rejection: Rejection) -> Vec<u8> {
+    let status = if rejection == Rejection::Token { "401 Unauthorized" } else { "403 Forbidden" };
+    http::error(status, &rejection.to_string())
 }

@@ -1,8 +1,8 @@
-//! What the page is told of the deployment.
+//! The deployment as the page receives it.
 
 use serde::Serialize;
 
-/// What the page is told of the deployment.
+/// The deployment as the page receives it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename = "deployment")]
 pub struct Deployment {
@@ -12,14 +12,14 @@ pub struct Deployment {
     pub cell_m: f64,
     /// Half the opening angle of a sonar cone, rad.
     pub half_beam_rad: f64,
-    /// Whether there is a second layer: the map without the filter.
+    /// Whether the map has a second layer, the unfiltered map.
     pub has_unfiltered: bool,
-    /// Whether the robot is simulated, so that the truth is known.
+    /// Whether the robot is simulated, so that the true walkers are known.
     pub is_simulated: bool,
-    /// Whether there is a replay that obeys play and pause.
+    /// Whether a log is replayed, which can be paused.
     pub playback: bool,
-    /// Whether playback keeps a pace that can be set.
+    /// Whether the speed of the replay can be set.
     pub has_pace: bool,
-    /// The port that Foxglove connects to, once it can.
+    /// The port for Foxglove, once it is open.
     pub foxglove_port: Option<u16>,
 }

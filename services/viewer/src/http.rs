@@ -1,36 +1,36 @@
-//! The head of a request, as far as the page needs it.
+//! HTTP requests and responses, as far as the page needs them.
 
-/// Longest head that is read.
+/// Longest head of a request, bytes.
 pub const LONGEST_HEAD: usize = 8 * 1024;
-/// Most lines of a head.
+/// Most header fields of a request.
 const MOST_HEADERS: usize = 64;
 
-/// What a browser asks for.
+/// A request of a browser.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
     /// The path without its query.
     pub path: String,
-    /// `token` of the query.
+    /// The parameter `token` of the query.
     pub token: Option<String>,
-    /// The host it believes to talk to, with the port.
+    /// The header `Host`: name and port of the server as the client knows it.
     pub host: Option<String>,
-    /// The page that asks, when another page than the browser's own address line does.
+    /// The header `Origin`: the site of the page that sends the request; `None` if the user opened the address.
     pub origin: Option<String>,
-    /// The key of a WebSocket handshake, when it is one.
+    /// The key of a WebSocket handshake, if it is one.
     pub websocket_key: Option<String>,
-    /// The protocols that the handshake offers to speak over it.
+    /// The subprotocols that the handshake offers.
     pub protocols: Vec<String>,
 }
 
-/// What the bytes so far are.
+/// The bytes received so far.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Head {
     /// The beginning of a head.
     Incomplete,
-    /// A request, and the bytes of its head.
+    /// A request, and the length of its head in bytes.
     Complete(Request, usize),
-    /// No request that is answered; why, in words.
-    Refused(&'static str),
+    /// Not a valid request, with the reason.
+    Invalid(&'static str),
 }
 
 /// Reads the head of a request.
@@ -39,10 +39,10 @@ pub fn parse(bytes: &[u8]) -> Head {
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut request = httparse::Request::new(&mut headers);
     match request.parse(bytes) {
-        Ok(httparse::Status::Partial) if bytes.len() >= LONGEST_HEAD => Head::Refused("the head is too long"),
+        Ok(httparse::Status::Partial) if bytes.len() >= LONGEST_HEAD => Head::Invalid("the head is too long"),
         Ok(httparse::Status::Partial) => Head::Incomplete,
-        Err(_) => Head::Refused("this is no HTTP request"),
-        Ok(httparse::Status::Complete(_)) if request.method != Some("GET") => Head::Refused("only GET is answered"),
+        Err(_) => Head::Invalid("this is not an HTTP request"),
+        Ok(httparse::Status::Complete(_)) if request.method != Some("GET") => Head::Invalid("the only method is GET"),
         Ok(httparse::Status::Complete(length)) => Head::Complete(read(&request), length),
     }
 }
@@ -68,7 +68,7 @@ fn read(request: &httparse::Request<'_, '_>) -> Request {
     }
 }
 
-/// A whole answer; the connection closes behind it. Nothing in it may come from elsewhere or be framed.
+/// A response after which the connection is closed. The browser may load nothing from other servers and must not frame it.
 #[must_use]
 pub fn response(status: &str, content_type: &str, body: &str) -> Vec<u8> {
     let head = format!(
@@ -81,13 +81,13 @@ pub fn response(status: &str, content_type: &str, body: &str) -> Vec<u8> {
     [head.as_bytes(), body.as_bytes()].concat()
 }
 
-/// An answer that says why there is none.
+/// An error response with its reason as text.
 #[must_use]
-pub fn refusal(status: &str, why: &str) -> Vec<u8> {
-    response(status, "text/plain", &format!("{why}\n"))
+pub fn error(status: &str, reason: &str) -> Vec<u8> {
+    response(status, "text/plain", &format!("{reason}\n"))
 }
 
-/// The answer that turns a connection into a WebSocket, over which this protocol is spoken if it has a name.
+/// The response that switches a connection to WebSocket, with the subprotocol that was chosen.
 #[must_use]
 pub fn switch(key: &str, protocol: Option<&str>) -> Vec<u8> {
     let accept = tungstenite::handshake::derive_accept_key(key.as_bytes());
@@ -107,7 +107,7 @@ mod tests {
         Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 
     #[test]
-    fn a_handshake_is_read_whole_and_not_before() {
+    fn a_handshake_is_parsed_once_it_is_complete() {
         for length in 0..HANDSHAKE.len() {
             assert_eq!(parse(&HANDSHAKE.as_bytes()[..length]), Head::Incomplete, "{length} bytes");
         }
@@ -124,21 +124,21 @@ mod tests {
     }
 
     #[test]
-    fn the_protocols_that_are_offered_are_read() {
+    fn the_offered_subprotocols_are_parsed() {
         let offer = HANDSHAKE.replace("Upgrade: websocket", "Upgrade: websocket\r\nSec-WebSocket-Protocol: b.v1, a.v1");
         let Head::Complete(request, _) = parse(offer.as_bytes()) else { panic!("complete") };
         assert_eq!(request.protocols, ["b.v1", "a.v1"]);
     }
 
     #[test]
-    fn what_is_no_request_is_refused_in_words() {
+    fn an_invalid_request_gives_its_reason() {
         for (bytes, words) in [
-            (b"POST / HTTP/1.1\r\n\r\n".to_vec(), "only GET"),
-            (b"\x16\x03\x01\x02\x00".to_vec(), "no HTTP"),
+            (b"POST / HTTP/1.1\r\n\r\n".to_vec(), "only method"),
+            (b"\x16\x03\x01\x02\x00".to_vec(), "not an HTTP"),
             ([b"GET / HTTP/1.1\r\nA: ".as_slice(), &[b'a'; LONGEST_HEAD]].concat(), "too long"),
         ] {
             match parse(&bytes) {
-                Head::Refused(why) => assert!(why.contains(words), "{why}"),
+                Head::Invalid(reason) => assert!(reason.contains(words), "{reason}"),
                 other => panic!("{other:?}"),
             }
         }
@@ -148,12 +148,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_bytes_are_too_much(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+        fn any_bytes_can_be_parsed(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
             let _ = parse(&bytes);
             let mut damaged = HANDSHAKE.as_bytes().to_vec();
             for (index, byte) in bytes.iter().enumerate().take(4) {
-                let place = (index * 251 + usize::from(*byte)) % damaged.len();
-                damaged[place] = *byte;
+                let at = (index * 251 + usize::from(*byte)) % damaged.len();
+                damaged[at] = *byte;
             }
             let _ = parse(&damaged);
         }

@@ -1,4 +1,4 @@
-//! One connection over any stream that does not block: a request, then its answer or WebSocket.
+//! One connection over any non-blocking stream: a request, then a response or a WebSocket.
 
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
@@ -9,184 +9,197 @@ use tungstenite::{Error, Message, Utf8Bytes};
 
 use crate::http::{self, Head, LONGEST_HEAD, Request};
 
-/// How long a request may take to come.
+/// Longest time until a request is complete.
 const REQUEST_DEADLINE: Duration = Duration::from_secs(5);
-/// How long the other end may take nothing of what it is sent.
-const DEAF_DEADLINE: Duration = Duration::from_secs(10);
-/// Bytes that are written to the stream without being asked to: more than is ever offered at once, so that only a flush writes.
+/// Longest time in which the peer may take nothing of what it is sent.
+const STALL_DEADLINE: Duration = Duration::from_secs(10);
+/// Size of the write buffer: larger than any update, so that only a flush writes to the stream.
 const WRITE_BUFFER: usize = 32 << 20;
-/// Most messages taken at once.
+/// Most messages read in one step.
 const MESSAGES_AT_ONCE: usize = 16;
 
-/// A connection that speaks WebSocket once its request was answered so; `G` is what is known of who is at the other end.
-pub(crate) struct Link<S: Read + Write, G> {
-    state: State<S, G>,
+/// A connection that becomes a WebSocket if its request is answered so. `P` is what is known of the peer.
+pub(crate) struct Link<S: Read + Write, P> {
+    state: State<S, P>,
     since: Instant,
 }
 
-enum State<S: Read + Write, G> {
-    Asking { stream: S, head: Vec<u8> },
-    Answering { stream: S, answer: Vec<u8>, written: usize },
-    Speaking { line: Line<S>, guest: G },
-    Over,
+enum State<S: Read + Write, P> {
+    /// Reading the request.
+    Request {
+        stream: S,
+        head: Vec<u8>,
+    },
+    /// Writing the response.
+    Response {
+        stream: S,
+        response: Vec<u8>,
+        written: usize,
+    },
+    /// A WebSocket.
+    Open {
+        socket: Socket<S>,
+        peer: P,
+    },
+    Closed,
 }
 
-/// The answer to a request.
-pub(crate) enum Reply<G> {
-    /// These bytes, and the connection closes behind them.
-    Answer(Vec<u8>),
-    /// WebSocket.
+/// The reply to a request.
+pub(crate) enum Reply<P> {
+    /// A response, after which the connection is closed.
+    Response(Vec<u8>),
+    /// A switch to WebSocket.
     Switch {
-        /// The head that says so.
+        /// The head of the response.
         head: Vec<u8>,
-        /// Longest message that is taken, bytes.
+        /// Longest message that is accepted, bytes.
         longest: usize,
-        /// Who speaks from now on.
-        guest: G,
+        /// The peer from now on.
+        peer: P,
     },
 }
 
-/// What came of bringing bytes to the stream.
+/// The result of a flush.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Flushed {
-    /// It has taken everything.
-    Everything,
-    /// It has not.
-    Waits,
-    /// It is closed, or was deaf for too long.
-    Gone,
+    /// The stream has taken everything.
+    Complete,
+    /// Something is still to be written.
+    Pending,
+    /// The connection is closed.
+    Closed,
 }
 
-/// A WebSocket and what waits to be taken at its other end.
-struct Line<S: Read + Write> {
+/// A WebSocket with what its peer has not taken.
+struct Socket<S: Read + Write> {
     socket: Box<WebSocket<S>>,
-    /// Bytes sent since the other end last had everything.
+    /// Bytes written since the stream last had taken everything.
     backlog: usize,
-    deaf_since: Option<Instant>,
+    stalled_since: Option<Instant>,
 }
 
-impl<S: Read + Write, G> Link<S, G> {
-    /// A connection that has just been made; `stream` does not block.
+impl<S: Read + Write, P> Link<S, P> {
+    /// A new connection over a non-blocking stream.
     pub(crate) fn new(stream: S, now: Instant) -> Self {
-        Self { state: State::Asking { stream, head: Vec::new() }, since: now }
+        Self { state: State::Request { stream, head: Vec::new() }, since: now }
     }
 
-    /// Whether nothing more is to be done for it.
-    pub(crate) fn is_over(&self) -> bool {
-        matches!(self.state, State::Over)
+    /// Whether the connection is closed.
+    pub(crate) fn is_closed(&self) -> bool {
+        matches!(self.state, State::Closed)
     }
 
-    /// Who is at the other end, once it speaks WebSocket.
-    pub(crate) fn guest(&self) -> Option<&G> {
+    /// The peer, once the connection is a WebSocket.
+    pub(crate) fn peer(&self) -> Option<&P> {
         match &self.state {
-            State::Speaking { guest, .. } => Some(guest),
+            State::Open { peer, .. } => Some(peer),
             _ => None,
         }
     }
 
-    /// Who is at the other end, once it speaks WebSocket.
-    pub(crate) fn guest_mut(&mut self) -> Option<&mut G> {
+    /// The peer, once the connection is a WebSocket.
+    pub(crate) fn peer_mut(&mut self) -> Option<&mut P> {
         match &mut self.state {
-            State::Speaking { guest, .. } => Some(guest),
+            State::Open { peer, .. } => Some(peer),
             _ => None,
         }
     }
 
-    /// Bytes sent since the other end last had everything.
+    /// Bytes written since the stream last had taken everything.
     pub(crate) fn backlog(&self) -> usize {
         match &self.state {
-            State::Speaking { line, .. } => line.backlog,
+            State::Open { socket, .. } => socket.backlog,
             _ => 0,
         }
     }
 
-    /// Whether something is on its way that the stream did not take yet.
+    /// Whether something is still to be written to the stream.
     pub(crate) fn is_writing(&self) -> bool {
-        matches!(self.state, State::Answering { .. }) || self.is_deaf()
+        matches!(self.state, State::Response { .. }) || self.is_stalled()
     }
 
-    /// Whether the other end has not taken what it was sent when it was last tried.
-    pub(crate) fn is_deaf(&self) -> bool {
-        matches!(&self.state, State::Speaking { line, .. } if line.deaf_since.is_some())
+    /// Whether the last flush could not write everything.
+    pub(crate) fn is_stalled(&self) -> bool {
+        matches!(&self.state, State::Open { socket, .. } if socket.stalled_since.is_some())
     }
 
-    /// The stream, as long as it is open.
+    /// The stream, while it is open.
     pub(crate) fn stream(&self) -> Option<&S> {
         match &self.state {
-            State::Asking { stream, .. } | State::Answering { stream, .. } => Some(stream),
-            State::Speaking { line, .. } => Some(line.socket.get_ref()),
-            State::Over => None,
+            State::Request { stream, .. } | State::Response { stream, .. } => Some(stream),
+            State::Open { socket, .. } => Some(socket.socket.get_ref()),
+            State::Closed => None,
         }
     }
 
-    /// Takes what has come: a request, which `reply` answers, and then messages, which are returned. Whatever is wrong ends this
-    /// connection and nothing else.
-    pub(crate) fn advance(&mut self, now: Instant, reply: impl FnOnce(&Request) -> Reply<G>) -> Vec<Utf8Bytes> {
+    /// Reads what has arrived: a request, which `reply` answers, and then messages, which are returned. Invalid input closes this
+    /// connection and affects no other.
+    pub(crate) fn advance(&mut self, now: Instant, reply: impl FnOnce(&Request) -> Reply<P>) -> Vec<Utf8Bytes> {
         let mut texts = Vec::new();
-        self.state = match std::mem::replace(&mut self.state, State::Over) {
-            State::Asking { stream, head } => ask(stream, head, reply),
-            State::Speaking { mut line, guest } => match listen(&mut line.socket, &mut texts) {
-                true => State::Speaking { line, guest },
-                false => State::Over,
+        self.state = match std::mem::replace(&mut self.state, State::Closed) {
+            State::Request { stream, head } => read_request(stream, head, reply),
+            State::Open { mut socket, peer } => match read_messages(&mut socket.socket, &mut texts) {
+                true => State::Open { socket, peer },
+                false => State::Closed,
             },
             other => other,
         };
-        self.write_answer();
-        let asks_too_long = self.guest().is_none() && now.saturating_duration_since(self.since) > REQUEST_DEADLINE;
-        if asks_too_long {
-            self.state = State::Over;
+        self.write_response();
+        let is_late = self.peer().is_none() && now.saturating_duration_since(self.since) > REQUEST_DEADLINE;
+        if is_late {
+            self.state = State::Closed;
         }
         texts
     }
 
-    /// Adds a message to what the other end is sent with the next [`flush`](Self::flush).
+    /// Queues a message for the next [`flush`](Self::flush).
     pub(crate) fn write(&mut self, message: Message) {
-        let State::Speaking { line, .. } = &mut self.state else { return };
-        line.backlog += message.len();
-        match line.socket.write(message) {
+        let State::Open { socket, .. } = &mut self.state else { return };
+        socket.backlog += message.len();
+        match socket.socket.write(message) {
             Ok(()) => {}
-            // More than the buffer holds is on its way, and the stream takes no more for now.
+            // The buffer is full, and the stream takes nothing now.
             Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {}
-            Err(_) => self.state = State::Over,
+            Err(_) => self.state = State::Closed,
         }
     }
 
-    /// Brings what was written to the stream, as far as it takes it.
+    /// Writes what is queued to the stream, as far as the stream takes it.
     pub(crate) fn flush(&mut self, now: Instant) -> Flushed {
-        let State::Speaking { line, .. } = &mut self.state else { return Flushed::Gone };
-        match line.socket.flush() {
+        let State::Open { socket, .. } = &mut self.state else { return Flushed::Closed };
+        match socket.socket.flush() {
             Ok(()) => {
-                (line.backlog, line.deaf_since) = (0, None);
-                return Flushed::Everything;
+                (socket.backlog, socket.stalled_since) = (0, None);
+                return Flushed::Complete;
             }
             Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {
-                let since = *line.deaf_since.get_or_insert(now);
-                if now.saturating_duration_since(since) <= DEAF_DEADLINE {
-                    return Flushed::Waits;
+                let since = *socket.stalled_since.get_or_insert(now);
+                if now.saturating_duration_since(since) <= STALL_DEADLINE {
+                    return Flushed::Pending;
                 }
             }
             Err(_) => {}
         }
-        self.state = State::Over;
-        Flushed::Gone
+        self.state = State::Closed;
+        Flushed::Closed
     }
 
-    /// Ends the connection with a word why.
-    pub(crate) fn dismiss(&mut self, code: CloseCode, why: &'static str) {
-        if let State::Speaking { line, .. } = &mut self.state {
-            dismiss(&mut line.socket, code, why);
+    /// Closes the connection with a code and a reason.
+    pub(crate) fn close(&mut self, code: CloseCode, reason: &'static str) {
+        if let State::Open { socket, .. } = &mut self.state {
+            close(&mut socket.socket, code, reason);
         }
-        self.state = State::Over;
+        self.state = State::Closed;
     }
 
-    /// Says that nothing more comes.
-    pub(crate) fn bid_farewell(&mut self) {
-        self.dismiss(CloseCode::Away, "the run has ended");
+    /// Closes the connection because the run has ended.
+    pub(crate) fn close_at_end(&mut self) {
+        self.close(CloseCode::Away, "the run has ended");
     }
 
-    fn write_answer(&mut self) {
-        let State::Answering { stream, answer, written } = &mut self.state else { return };
-        while let Some(rest) = answer.get(*written..).filter(|rest| !rest.is_empty()) {
+    fn write_response(&mut self) {
+        let State::Response { stream, response, written } = &mut self.state else { return };
+        while let Some(rest) = response.get(*written..).filter(|rest| !rest.is_empty()) {
             match stream.write(rest) {
                 Ok(count @ 1..) => *written += count,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
@@ -194,30 +207,30 @@ impl<S: Read + Write, G> Link<S, G> {
                 Ok(_) | Err(_) => break,
             }
         }
-        self.state = State::Over;
+        self.state = State::Closed;
     }
 }
 
-/// Reads on in the head of the request, and turns to its answer when it is whole.
-fn ask<S: Read + Write, G>(mut stream: S, mut head: Vec<u8>, reply: impl FnOnce(&Request) -> Reply<G>) -> State<S, G> {
+/// Reads more of the head of the request, and replies when it is complete.
+fn read_request<S: Read + Write, P>(mut stream: S, mut head: Vec<u8>, reply: impl FnOnce(&Request) -> Reply<P>) -> State<S, P> {
     let mut bytes = [0; 2048];
     while head.len() < LONGEST_HEAD {
         match stream.read(&mut bytes) {
             Ok(count @ 1..) => head.extend_from_slice(bytes.get(..count).unwrap_or_default()),
             Err(error) if error.kind() == ErrorKind::WouldBlock => break,
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Ok(_) | Err(_) => return State::Over,
+            Ok(_) | Err(_) => return State::Closed,
         }
     }
     match http::parse(&head) {
-        Head::Incomplete => State::Asking { stream, head },
-        Head::Refused(why) => State::Answering { stream, answer: http::refusal("400 Bad Request", why), written: 0 },
+        Head::Incomplete => State::Request { stream, head },
+        Head::Invalid(reason) => State::Response { stream, response: http::error("400 Bad Request", reason), written: 0 },
         Head::Complete(request, length) => match reply(&request) {
-            Reply::Answer(answer) => State::Answering { stream, answer, written: 0 },
-            Reply::Switch { head: switch, longest, guest } => {
-                // A stream that has carried nothing takes this at once, or is not worth waiting for.
+            Reply::Response(response) => State::Response { stream, response, written: 0 },
+            Reply::Switch { head: switch, longest, peer } => {
+                // The send buffer of a new connection has room for this.
                 if !matches!(stream.write(&switch), Ok(written) if written == switch.len()) {
-                    return State::Over;
+                    return State::Closed;
                 }
                 let config = WebSocketConfig::default()
                     .read_buffer_size(4 * longest)
@@ -226,32 +239,32 @@ fn ask<S: Read + Write, G>(mut stream: S, mut head: Vec<u8>, reply: impl FnOnce(
                     .max_frame_size(Some(longest));
                 let rest = head.get(length..).unwrap_or_default().to_vec();
                 let socket = Box::new(WebSocket::from_partially_read(stream, rest, Role::Server, Some(config)));
-                State::Speaking { line: Line { socket, backlog: 0, deaf_since: None }, guest }
+                State::Open { socket: Socket { socket, backlog: 0, stalled_since: None }, peer }
             }
         },
     }
 }
 
-/// Takes the texts that have come; false when the connection is over.
-fn listen<S: Read + Write>(socket: &mut WebSocket<S>, texts: &mut Vec<Utf8Bytes>) -> bool {
+/// Reads the texts that have arrived; false when the connection is closed.
+fn read_messages<S: Read + Write>(socket: &mut WebSocket<S>, texts: &mut Vec<Utf8Bytes>) -> bool {
     for _ in 0..MESSAGES_AT_ONCE {
         match socket.read() {
             Ok(Message::Text(text)) => texts.push(text),
-            Ok(Message::Binary(_)) => return dismiss(socket, CloseCode::Unsupported, "what is asked here is text"),
+            Ok(Message::Binary(_)) => return close(socket, CloseCode::Unsupported, "requests are text messages"),
             Ok(Message::Ping(_) | Message::Pong(_) | Message::Close(_) | Message::Frame(_)) => {}
             Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => return true,
-            Err(Error::Capacity(_)) => return dismiss(socket, CloseCode::Size, "what is asked here is short"),
-            Err(Error::Utf8(_)) => return dismiss(socket, CloseCode::Invalid, "what is asked here is UTF-8"),
-            Err(Error::Protocol(_)) => return dismiss(socket, CloseCode::Protocol, "this is not WebSocket"),
+            Err(Error::Capacity(_)) => return close(socket, CloseCode::Size, "this request is too long"),
+            Err(Error::Utf8(_)) => return close(socket, CloseCode::Invalid, "requests are UTF-8"),
+            Err(Error::Protocol(_)) => return close(socket, CloseCode::Protocol, "this violates the WebSocket protocol"),
             Err(_) => return false,
         }
     }
     true
 }
 
-/// Ends a connection with a word why; false, for it is over.
-fn dismiss<S: Read + Write>(socket: &mut WebSocket<S>, code: CloseCode, why: &'static str) -> bool {
-    // Whoever cannot be told is dismissed all the same.
-    let _ = socket.close(Some(CloseFrame { code, reason: why.into() })).and_then(|()| socket.flush());
+/// Closes a WebSocket with a code and a reason. Returns false: the connection is closed.
+fn close<S: Read + Write>(socket: &mut WebSocket<S>, code: CloseCode, reason: &'static str) -> bool {
+    // The connection is closed even if the peer cannot be told the reason.
+    let _ = socket.close(Some(CloseFrame { code, reason: reason.into() })).and_then(|()| socket.flush());
     false
 }

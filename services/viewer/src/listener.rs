@@ -1,51 +1,51 @@
-//! A port that is listened at.
+//! A listening socket.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-/// Ports tried, from the first on.
+/// Number of ports to try, from the first one.
 const PORTS: u16 = 10;
-/// Time until ports that were all taken are tried again.
+/// Time until the ports are tried again if all were taken.
 pub const RETRY: Duration = Duration::from_secs(2);
-/// Most connections taken at once: the heartbeat must not wait for a flood to end.
+/// Most connections accepted in one step, so that a flood does not delay the heartbeat.
 const ACCEPTED_AT_ONCE: usize = 32;
 
-/// A port that is opened as soon as it can be had.
+/// A socket that is opened as soon as a port is free.
 pub struct Listener {
-    /// What is served there, in words.
+    /// What it serves, for log lines.
     what: &'static str,
     address: IpAddr,
     first_port: u16,
     open: Option<(TcpListener, SocketAddr)>,
     /// Why it is not open.
-    trouble: String,
+    problem: String,
     tried: Option<Instant>,
 }
 
 impl Listener {
-    /// To serve this at the first free port of ten.
+    /// A listener at the first free port of ten.
     pub fn new(what: &'static str, address: IpAddr, first_port: u16) -> Self {
-        Self { what, address, first_port, open: None, trouble: String::new(), tried: None }
+        Self { what, address, first_port, open: None, problem: String::new(), tried: None }
     }
 
-    /// Opens the port, now and then, until it is open; true when it has just been.
+    /// Tries to open the socket, if it is not open and a try is due; true if it was opened now.
     pub fn open(&mut self, now: Instant) -> bool {
         if self.open.is_some() || self.tried.is_some_and(|tried| now.saturating_duration_since(tried) < RETRY) {
             return false;
         }
         match self.bind() {
             Ok(open) => {
-                tracing::debug!("{} is at {}", self.what, open.1);
-                self.trouble.clear();
+                tracing::debug!("{} at {}", self.what, open.1);
+                self.problem.clear();
                 self.open = Some(open);
             }
             Err(error) => {
-                let trouble = format!("no {}: {}, port {} and the next nine: {error}", self.what, self.address, self.first_port);
-                if self.trouble != trouble {
-                    tracing::warn!("{trouble}");
-                    self.trouble = trouble;
+                let problem = format!("no {}: {}, port {} and the next nine: {error}", self.what, self.address, self.first_port);
+                if self.problem != problem {
+                    tracing::warn!("{problem}");
+                    self.problem = problem;
                 }
                 self.tried = Some(now);
             }
@@ -66,34 +66,34 @@ impl Listener {
         listener.local_addr().map(|address| (listener, address))
     }
 
-    /// Where it is open.
+    /// Its address, once it is open.
     pub fn address(&self) -> Option<SocketAddr> {
         self.open.as_ref().map(|(_, address)| *address)
     }
 
-    /// Why it is not.
-    pub fn trouble(&self) -> &str {
-        &self.trouble
+    /// Why it is not open.
+    pub fn problem(&self) -> &str {
+        &self.problem
     }
 
-    /// What tells that somebody has come.
+    /// The descriptor that is readable when a connection waits.
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.open.as_ref().map(|(listener, _)| listener.as_fd())
     }
 
-    /// Takes who has come, as streams that do not block.
+    /// Accepts the waiting connections as non-blocking streams.
     pub fn accept(&self) -> Vec<TcpStream> {
         let mut streams = Vec::new();
         let Some((listener, _)) = &self.open else { return streams };
         for _ in 0..ACCEPTED_AT_ONCE {
-            // Small messages follow each other quickly; holding them back would only show them late.
-            let made_ready = |stream: TcpStream| stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).map(|()| stream);
-            match listener.accept().and_then(|(stream, _)| made_ready(stream)) {
+            // Without a delay: small messages follow each other quickly.
+            let configured = |stream: TcpStream| stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).map(|()| stream);
+            match listener.accept().and_then(|(stream, _)| configured(stream)) {
                 Ok(stream) => streams.push(stream),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                // One connection that could not be made, or no descriptor left: the others go on.
+                // The connection was aborted, or no descriptor is left: the open connections are not affected.
                 Err(error) => {
-                    tracing::debug!("a connection was not taken: {error}");
+                    tracing::debug!("a connection was not accepted: {error}");
                     break;
                 }
             }

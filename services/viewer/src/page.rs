@@ -1,4 +1,4 @@
-//! The files of the page, as they are in the binary.
+//! The files of the page, which are part of the binary.
 
 /// A file of the page.
 #[derive(Debug, Clone, Copy)]
@@ -25,13 +25,13 @@ const FILES: &[File] = &[
     File { path: "/replay.js", content_type: SCRIPT, body: include_str!("../page/replay.js") },
 ];
 
-/// The file at a path.
+/// The file at this path.
 pub(crate) fn file(path: &str) -> Option<&'static File> {
     FILES.iter().find(|file| file.path == path)
 }
 
-/// Whether it is the same for everybody and says nothing of the robot: the page's scripts and styles, which ask for no token
-/// since a page cannot hand it on to them.
+/// Whether the file is public: scripts and styles need no token, because a page cannot pass its token to them, and contain no data of
+/// the robot.
 pub(crate) fn is_public(path: &str) -> bool {
     path != "/" && file(path).is_some()
 }
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_file_that_the_page_names_is_there_and_nothing_comes_from_elsewhere() {
+    fn the_page_names_only_files_that_are_served() {
         for each in FILES {
             for scheme in ["http://", "https://", "//cdn", "@import"] {
                 assert!(!each.body.contains(scheme), "{} names another server: {scheme}", each.path);

@@ -1,4 +1,4 @@
-//! The robot, its sonars and what moves, as of the newest scan.
+//! The robot, its sonars and the walkers, as of the newest scan.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
@@ -9,28 +9,28 @@ use messages::{
 };
 use serde::Serialize;
 
-/// Scans kept until their verdict comes: more than a commit horizon at any robot's rate.
-const SCANS_KEPT: usize = 256;
-/// How long what moves is shown after it was last seen, s of sensor time.
-const MOVER_SHOWN_S: f64 = 1.0;
-/// Most places where the sonars see something move that are shown.
-const MOST_STIRS: usize = 32;
-/// Radius of a walker, m: what a person takes of the floor.
+/// Most scans that wait for their verdict: more than fall into a commit horizon at the rate of any robot.
+const MOST_WAITING: usize = 256;
+/// Time for which a walker and a sonar cone are shown after their last message, s of sensor time.
+const WALKER_SHOWN_S: f64 = 1.0;
+/// Most sonar movers that are shown.
+const MOST_SONAR_MOVERS: usize = 32;
+/// Radius of a walker, m: half the shoulder breadth of a person.
 const WALKER_RADIUS_M: f64 = 0.25;
-/// How long an echo that was left out of the map is shown, s of sensor time.
+/// Time for which a withheld echo is shown, s of sensor time.
 const WITHHELD_SHOWN_S: f64 = 4.0;
-/// Most echoes left out that are shown.
+/// Most withheld echoes that are shown.
 const MOST_WITHHELD: usize = 64;
-/// How long an update region is shown, s of sensor time.
+/// Time for which an update region or a sonar mover is shown, s of sensor time.
 const REGION_SHOWN_S: f64 = 0.6;
 /// Most update regions that are shown.
 const MOST_REGIONS: usize = 32;
 
-/// What the newest messages say of the robot and of what moves.
+/// The robot, its sonars and the walkers according to the newest messages.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     cell_m: f64,
-    /// Name of the process that plays a log.
+    /// Name of the playback process.
     playback: Option<String>,
     replay: Option<Replay>,
     first_ns: Option<u64>,
@@ -38,39 +38,40 @@ pub struct Scene {
     scans: u64,
     pose: Pose,
     /// The newest reading of each sonar.
-    beams: BTreeMap<u32, Timed<Beam>>,
-    /// Scans that wait for their verdict.
+    cones: BTreeMap<u32, Timed<SonarCone>>,
+    /// Scans without a verdict.
     waiting: VecDeque<(u64, Timed<SonarScan>)>,
     walkers: BTreeMap<u64, Timed<TrackedWalker>>,
-    stirs: VecDeque<Timed<Region>>,
+    sonar_movers: VecDeque<Timed<Region>>,
     camera: Option<CameraView>,
     regions: VecDeque<Timed<Region>>,
     withheld: VecDeque<Timed<[f64; 2]>>,
-    /// What the last verdict rests on.
+    /// Inputs of the last verdict, as flags.
     inputs: Option<u32>,
-    /// Where the map's frame begins in the world's.
+    /// Pose of the map frame in the world frame.
     start: Option<Pose>,
-    people: Vec<[f64; 2]>,
+    true_walkers: Vec<[f64; 2]>,
 }
 
+/// A value with the sensor time of its message.
 #[derive(Debug, Clone, Copy)]
 struct Timed<T> {
     stamp_ns: u64,
-    it: T,
+    value: T,
 }
 
-/// A sonar's newest reading in the map frame.
+/// The newest reading of a sonar in the map frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Beam {
-    /// The transducer, m.
+pub struct SonarCone {
+    /// Position of the transducer, m.
     pub x: f64,
-    /// The transducer, m.
+    /// Position of the transducer, m.
     pub y: f64,
-    /// The beam's axis, rad.
+    /// Direction of the axis, rad.
     pub yaw: f64,
-    /// Where the echo came from, or the sensor's limit, m.
+    /// Range of the echo, or of the sensor without an echo, m.
     pub range: f64,
-    /// Whether something came back.
+    /// Whether there was an echo.
     pub echo: bool,
 }
 
@@ -85,39 +86,39 @@ pub struct Region {
     pub radius: f64,
 }
 
-/// A thing that moves, in the map frame.
+/// A tracked walker in the map frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Moving {
-    /// Its name: letters, the same as long as it is tracked.
+pub struct WalkerView {
+    /// Name of the track: letters, constant for the life of the track.
     pub name: String,
-    /// Where it is, m, and how large.
+    /// Position and radius.
     #[serde(flatten)]
     pub region: Region,
-    /// Its velocity along x, m/s.
+    /// Velocity along x, m/s.
     pub vx: f64,
-    /// Its velocity along y, m/s.
+    /// Velocity along y, m/s.
     pub vy: f64,
 }
 
-/// What moves in the camera's picture.
+/// What moves in the picture of the camera.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraView {
-    /// How the last picture was taken, in words.
+    /// Result of the last picture, as a text.
     pub state: &'static str,
-    /// Height of the picture over its width.
+    /// Height of the picture divided by its width.
     pub aspect: f64,
-    /// Left, top, right and bottom of each blob, as shares of the picture.
+    /// Left, top, right and bottom of each blob as shares of the picture, 0 to 1.
     pub blobs: Vec<[f64; 4]>,
 }
 
-/// A replay as it says itself that it is.
+/// The state of a replay, from the heartbeats of playback.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Replay {
-    /// It stands still.
+    /// Whether it is paused.
     pub paused: bool,
-    /// Times the drive's pace; none in lockstep, which has no pace.
+    /// Speed relative to the drive; `None` in lockstep, which has no speed.
     pub times: Option<f64>,
-    /// Share of the log that is read.
+    /// Share of the log that is played, 0 to 1.
     pub done: f64,
 }
 
@@ -127,40 +128,40 @@ pub struct Replay {
 pub struct SceneView {
     /// Sensor time since the first scan, s.
     pub t: f64,
-    /// Scans so far.
+    /// Sequence number of the newest scan.
     pub scans: u64,
-    /// x, y (m) and yaw (rad) of the robot in the map frame; none before the first scan.
+    /// x, y (m) and yaw (rad) of the robot in the map frame; `None` before the first scan.
     pub robot: Option<[f64; 3]>,
     /// The newest reading of each sonar.
-    pub beams: Vec<Beam>,
-    /// What moves, as the filter follows it.
-    pub movers: Vec<Moving>,
-    /// Where the sonars see something move.
-    pub stirs: Vec<Region>,
-    /// Where the filter keeps echoes out.
+    pub cones: Vec<SonarCone>,
+    /// The walkers that the filter tracks.
+    pub walkers: Vec<WalkerView>,
+    /// Positions where the sonars detect motion.
+    pub sonar_movers: Vec<Region>,
+    /// Update regions of the filter.
     pub regions: Vec<Region>,
-    /// Echoes that were lately left out of the map, m.
+    /// Positions of the echoes that were withheld from the map lately, m.
     pub withheld: Vec<[f64; 2]>,
-    /// Whether verdicts rest on the sonar's motion; none without verdicts.
+    /// Whether verdicts use motion from the sonars; `None` without verdicts.
     pub from_sonar: Option<bool>,
-    /// Whether verdicts rest on the camera's motion; none without verdicts.
+    /// Whether verdicts use motion from the camera; `None` without verdicts.
     pub from_camera: Option<bool>,
-    /// Where people are, m: the simulator's truth.
-    pub people: Vec<[f64; 2]>,
-    /// What moves in the camera's picture, when there is a camera.
+    /// True positions of the walkers in a simulation, m.
+    pub true_walkers: Vec<[f64; 2]>,
+    /// What moves in the picture of the camera, if there is one.
     pub camera: Option<CameraView>,
-    /// The replay, when there is one.
+    /// The replay, if there is one.
     pub replay: Option<Replay>,
 }
 
 impl Scene {
-    /// A scene over a map with cells of this edge, m, and the name of the process that plays a log, if one does.
+    /// A scene over a map with cells of edge `cell_m`. `playback` is the name of the playback process, if there is one.
     #[must_use]
     pub fn new(cell_m: f64, playback: Option<&str>) -> Self {
         Self { cell_m, playback: playback.map(str::to_owned), ..Self::default() }
     }
 
-    /// Takes what a process says of itself; true when it is news of a replay.
+    /// Takes a heartbeat; true if it changes the state of the replay.
     pub fn heartbeat(&mut self, heartbeat: &Heartbeat) -> bool {
         if self.playback.as_deref() != Some(heartbeat.process.as_str()) {
             return false;
@@ -184,14 +185,14 @@ impl Scene {
         self.pose = scan.pose;
         for reading in scan.readings() {
             let Pose { x_m: x, y_m: y, yaw_rad: yaw } = scan.pose.then(&reading.mount);
-            let it = Beam { x, y, yaw, range: reading.range_m, echo: reading.echo == 1 };
-            self.beams.insert(reading.sonar, Timed { stamp_ns, it });
+            let value = SonarCone { x, y, yaw, range: reading.range_m, echo: reading.echo == 1 };
+            self.cones.insert(reading.sonar, Timed { stamp_ns, value });
         }
-        self.waiting.push_back((seq, Timed { stamp_ns, it: *scan }));
-        if self.waiting.len() > SCANS_KEPT {
+        self.waiting.push_back((seq, Timed { stamp_ns, value: *scan }));
+        if self.waiting.len() > MOST_WAITING {
             self.waiting.pop_front();
         }
-        self.forget();
+        self.expire();
     }
 
     /// Takes the verdict on a scan.
@@ -201,42 +202,42 @@ impl Scene {
             self.waiting.pop_front();
         }
         for region in verdict.regions.iter().take(verdict.count as usize) {
-            let it = Region { x: region.x_m, y: region.y_m, radius: self.radius(region.cells) };
-            keep(&mut self.regions, MOST_REGIONS, Timed { stamp_ns: self.stamp_ns, it });
+            let value = Region { x: region.x_m, y: region.y_m, radius: self.radius(region.cells) };
+            push_bounded(&mut self.regions, MOST_REGIONS, Timed { stamp_ns: self.stamp_ns, value });
         }
-        let Some((_, Timed { it: scan, .. })) = self.waiting.pop_front_if(|(waiting, _)| *waiting == seq) else { return };
+        let Some((_, Timed { value: scan, .. })) = self.waiting.pop_front_if(|(waiting, _)| *waiting == seq) else { return };
         for (index, reading) in scan.readings().iter().enumerate() {
             if verdict.withholds(index) && reading.echo == 1 {
                 let at = scan.pose.then(&reading.mount).then(&Pose { x_m: reading.range_m, ..Pose::default() });
-                keep(&mut self.withheld, MOST_WITHHELD, Timed { stamp_ns: self.stamp_ns, it: [at.x_m, at.y_m] });
+                push_bounded(&mut self.withheld, MOST_WITHHELD, Timed { stamp_ns: self.stamp_ns, value: [at.x_m, at.y_m] });
             }
         }
     }
 
-    /// Takes what the sonars see move.
+    /// Takes motion that the sonars detect.
     pub fn motion(&mut self, stamp_ns: u64, motion: &SonarMotion) {
         for mover in motion.movers() {
-            let it = Region { x: mover.map_x_m, y: mover.map_y_m, radius: self.radius(f64::from(mover.cells)) };
-            keep(&mut self.stirs, MOST_STIRS, Timed { stamp_ns, it });
+            let value = Region { x: mover.map_x_m, y: mover.map_y_m, radius: self.radius(f64::from(mover.cells)) };
+            push_bounded(&mut self.sonar_movers, MOST_SONAR_MOVERS, Timed { stamp_ns, value });
         }
     }
 
-    /// Takes what moves as the filter follows it.
+    /// Takes the walkers that the filter tracks.
     pub fn walkers(&mut self, stamp_ns: u64, walkers: &Walkers) {
         for walker in walkers.walkers() {
-            self.walkers.insert(walker.track, Timed { stamp_ns, it: *walker });
+            self.walkers.insert(walker.track, Timed { stamp_ns, value: *walker });
         }
     }
 
-    /// Takes what moves in the camera's picture.
+    /// Takes motion that the camera detects.
     pub fn camera(&mut self, motion: &CameraMotion) {
         let share = |px: u32, of: u32| f64::from(px) / f64::from(of.max(1));
         let (width, height) = (motion.width, motion.height);
         self.camera = Some(CameraView {
             state: match CameraStatus::from_number(motion.status) {
-                Some(CameraStatus::Compensated) => "what moves is framed",
-                Some(CameraStatus::Learning) => "learning what stands still",
-                Some(CameraStatus::NotCompensated) => "the camera's own motion was not found",
+                Some(CameraStatus::Compensated) => "moving blobs are framed",
+                Some(CameraStatus::Learning) => "learning the background",
+                Some(CameraStatus::NotCompensated) => "the camera motion could not be compensated",
                 Some(CameraStatus::Refused) | None => "a picture was refused",
             },
             aspect: share(height, width),
@@ -250,12 +251,12 @@ impl Scene {
         });
     }
 
-    /// Takes where people really are.
+    /// Takes the true positions of the walkers.
     pub fn truth(&mut self, truth: &TruthScan) {
         let Some(start) = self.start else { return };
         let (sin, cos) = start.yaw_rad.sin_cos();
         let walkers = truth.walkers_m.iter().take(truth.walkers_count as usize);
-        self.people = walkers
+        self.true_walkers = walkers
             .map(|[x, y]| {
                 let (dx, dy) = (x - start.x_m, y - start.y_m);
                 [cos * dx + sin * dy, cos * dy - sin * dx]
@@ -263,40 +264,40 @@ impl Scene {
             .collect();
     }
 
-    /// Takes where the drive starts in the world.
+    /// Takes the start of the drive in the world frame.
     pub fn surfaces(&mut self, surfaces: &TruthSurfaces) {
         self.start = Some(surfaces.start);
     }
 
-    /// What is to be drawn.
+    /// The scene as the page draws it.
     #[must_use]
     pub fn view(&self) -> SceneView {
         SceneView {
             t: self.first_ns.map_or(0.0, |first_ns| seconds(first_ns, self.stamp_ns)),
             scans: self.scans,
             robot: self.first_ns.map(|_| [self.pose.x_m, self.pose.y_m, self.pose.yaw_rad]),
-            beams: self.beams.values().map(|beam| beam.it).collect(),
-            movers: self.walkers.values().map(|walker| moving(&walker.it)).collect(),
-            stirs: self.stirs.iter().map(|stir| stir.it).collect(),
-            regions: self.regions.iter().map(|region| region.it).collect(),
-            withheld: self.withheld.iter().map(|echo| echo.it).collect(),
+            cones: self.cones.values().map(|cone| cone.value).collect(),
+            walkers: self.walkers.values().map(|walker| walker_view(&walker.value)).collect(),
+            sonar_movers: self.sonar_movers.iter().map(|mover| mover.value).collect(),
+            regions: self.regions.iter().map(|region| region.value).collect(),
+            withheld: self.withheld.iter().map(|echo| echo.value).collect(),
             from_sonar: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_SONAR != 0),
             from_camera: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_CAMERA != 0),
-            people: self.people.clone(),
+            true_walkers: self.true_walkers.clone(),
             camera: self.camera.clone(),
             replay: self.replay,
         }
     }
 
-    /// Drops what was seen too long ago. Stamps that jump, as between two drives, drop everything.
-    fn forget(&mut self) {
+    /// Drops what is too old. A jump of the stamps, as between two drives, drops everything.
+    fn expire(&mut self) {
         let now = self.stamp_ns;
         let fresh = |stamp_ns: u64, shown_s: f64| seconds(stamp_ns, now) <= shown_s;
-        self.walkers.retain(|_, walker| fresh(walker.stamp_ns, MOVER_SHOWN_S));
-        self.stirs.retain(|stir| fresh(stir.stamp_ns, REGION_SHOWN_S));
+        self.walkers.retain(|_, walker| fresh(walker.stamp_ns, WALKER_SHOWN_S));
+        self.sonar_movers.retain(|mover| fresh(mover.stamp_ns, REGION_SHOWN_S));
         self.regions.retain(|region| fresh(region.stamp_ns, REGION_SHOWN_S));
         self.withheld.retain(|echo| fresh(echo.stamp_ns, WITHHELD_SHOWN_S));
-        self.beams.retain(|_, beam| fresh(beam.stamp_ns, MOVER_SHOWN_S));
+        self.cones.retain(|_, cone| fresh(cone.stamp_ns, WALKER_SHOWN_S));
     }
 
     /// Radius of a disc of so many cells, m.
@@ -305,9 +306,9 @@ impl Scene {
     }
 }
 
-fn moving(walker: &TrackedWalker) -> Moving {
+fn walker_view(walker: &TrackedWalker) -> WalkerView {
     let region = Region { x: walker.x_m, y: walker.y_m, radius: WALKER_RADIUS_M };
-    Moving { name: name(walker.track), region, vx: walker.velocity_x_m_s, vy: walker.velocity_y_m_s }
+    WalkerView { name: name(walker.track), region, vx: walker.velocity_x_m_s, vy: walker.velocity_y_m_s }
 }
 
 /// Seconds from a stamp to a later one.
@@ -315,14 +316,14 @@ fn seconds(from_ns: u64, to_ns: u64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }
 
-fn keep<T>(queue: &mut VecDeque<T>, most: usize, it: T) {
-    queue.push_back(it);
+fn push_bounded<T>(queue: &mut VecDeque<T>, most: usize, value: T) {
+    queue.push_back(value);
     if queue.len() > most {
         queue.pop_front();
     }
 }
 
-/// Track 1 is A, 26 is Z, 27 is AA; 0 has no name.
+/// The name of a track: 1 is A, 26 is Z, 27 is AA. 0 has no name.
 fn name(mut track: u64) -> String {
     let mut letters = Vec::new();
     while track > 0 {
@@ -345,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn a_withheld_echo_is_shown_where_it_came_from() {
+    fn a_withheld_echo_is_shown_at_its_position() {
         let mut scene = Scene::new(0.05, None);
         scene.scan(1, 0, &scan(1.0));
         scene.scan(2, 100_000_000, &scan(5.0));
@@ -357,7 +358,7 @@ mod tests {
         assert_eq!(view.regions, [Region { x: 1.1, y: 2.0, radius: 4.0 * 0.05 }]);
         assert_eq!((view.from_sonar, view.from_camera), (Some(true), Some(false)));
         scene.verdict(2, &FilterVerdict::default());
-        assert_eq!(scene.view().withheld.len(), 1, "an echo that was kept is not shown");
+        assert_eq!(scene.view().withheld.len(), 1, "an echo that is not withheld is not shown");
         scene.scan(3, 9_000_000_000, &scan(6.0));
         let view = scene.view();
         assert!(view.withheld.is_empty() && view.regions.is_empty());
@@ -365,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_has_a_name_as_long_as_it_is_seen() {
+    fn walkers_and_sonar_movers_are_shown_until_they_expire() {
         let mut scene = Scene::new(0.05, None);
         let mut walkers = Walkers { count: 1, ..Walkers::default() };
         walkers.walkers[0] = TrackedWalker { x_m: 3.0, velocity_y_m_s: 1.2, track: 2, ..TrackedWalker::default() };
@@ -374,10 +375,10 @@ mod tests {
         motion.movers[0] = Mover { map_x_m: 2.0, cells: 50, ..Mover::default() };
         scene.motion(0, &motion);
         let view = scene.view();
-        assert_eq!((view.movers.len(), view.movers[0].name.as_str(), view.movers[0].region.x), (1, "B", 3.0));
-        assert_eq!((view.stirs.len(), view.stirs[0].x), (1, 2.0));
+        assert_eq!((view.walkers.len(), view.walkers[0].name.as_str(), view.walkers[0].region.x), (1, "B", 3.0));
+        assert_eq!((view.sonar_movers.len(), view.sonar_movers[0].x), (1, 2.0));
         scene.scan(9, 2_000_000_000, &scan(0.0));
-        assert!(scene.view().movers.is_empty() && scene.view().stirs.is_empty());
+        assert!(scene.view().walkers.is_empty() && scene.view().sonar_movers.is_empty());
         for (track, expected) in [(0, ""), (1, "A"), (26, "Z"), (27, "AA"), (52, "AZ"), (53, "BA")] {
             assert_eq!(name(track), expected);
         }
@@ -385,14 +386,14 @@ mod tests {
     }
 
     #[test]
-    fn a_replay_is_as_it_says_itself() {
+    fn the_replay_state_comes_from_the_playback_heartbeat() {
         let mut scene = Scene::new(0.05, Some("playback"));
         let mut beat = Heartbeat { process: Text::new("mapping"), ..Heartbeat::default() };
         assert!(!scene.heartbeat(&beat) && scene.view().replay.is_none());
         beat.process = Text::new("playback");
         let counters = [("done", 25), ("total", 100), (PlaybackControl::PAUSED, 1), (PlaybackControl::PERCENT, 250)];
-        for (place, (name, value)) in beat.counters.iter_mut().zip(counters) {
-            *place = Counter { name: Text::new(name), value };
+        for (counter, (name, value)) in beat.counters.iter_mut().zip(counters) {
+            *counter = Counter { name: Text::new(name), value };
         }
         beat.counters_count = 4;
         assert!(scene.heartbeat(&beat) && !scene.heartbeat(&beat));
@@ -412,15 +413,15 @@ mod tests {
     }
 
     #[test]
-    fn people_are_shown_in_the_frame_of_the_map() {
+    fn true_walkers_are_shown_in_the_map_frame() {
         let mut scene = Scene::new(0.05, None);
         let mut truth = TruthScan { walkers_count: 1, ..TruthScan::default() };
         truth.walkers_m[0] = [1.0, 5.0];
         scene.truth(&truth);
-        assert!(scene.view().people.is_empty(), "not before the start is known");
+        assert!(scene.view().true_walkers.is_empty(), "without the start there is no map frame");
         scene.surfaces(&TruthSurfaces { start: Pose { x_m: 1.0, y_m: 2.0, yaw_rad: PI / 2.0 }, ..TruthSurfaces::default() });
         scene.truth(&truth);
-        let [[x, y]] = scene.view().people[..] else { panic!("one walker") };
+        let [[x, y]] = scene.view().true_walkers[..] else { panic!("one walker") };
         assert!((x - 3.0).abs() < 1e-9 && y.abs() < 1e-9, "{x} {y}");
     }
 }

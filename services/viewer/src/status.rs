@@ -1,28 +1,26 @@
-//! How the processes are, for the page.
+//! The state of the processes, as the page receives it.
 
 use std::collections::BTreeMap;
 
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use serde::Serialize;
 
-/// How the processes of a deployment are.
+/// The state of the processes of a deployment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename = "status")]
 pub struct Status {
     deployment: String,
     uptime_s: f64,
     ending: bool,
-    processes: Vec<Process>,
+    processes: Vec<ProcessView>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct Process {
+struct ProcessView {
     name: String,
     state: &'static str,
     pid: u32,
     restarts: u32,
-    /// Seconds since the last sign of life.
-    silent_s: Option<f64>,
     received_per_s: f64,
     sent_per_s: f64,
     lost: u64,
@@ -41,12 +39,12 @@ impl From<&DeploymentStatus> for Status {
             deployment: status.deployment.to_string(),
             uptime_s: status.uptime_ms as f64 * 1e-3,
             ending: status.ending == 1,
-            processes: processes.map(Process::from).collect(),
+            processes: processes.map(ProcessView::from).collect(),
         }
     }
 }
 
-impl From<&ProcessStatus> for Process {
+impl From<&ProcessStatus> for ProcessView {
     fn from(it: &ProcessStatus) -> Self {
         let counters = it.counters.iter().take(it.counters_count as usize);
         Self {
@@ -54,7 +52,6 @@ impl From<&ProcessStatus> for Process {
             state: ProcessState::from_number(it.state).map_or("unknown", ProcessState::word),
             pid: it.pid,
             restarts: it.restarts,
-            silent_s: (it.heartbeat_age_ms != u64::MAX).then_some(it.heartbeat_age_ms as f64 * 1e-3),
             received_per_s: it.received_per_s,
             sent_per_s: it.sent_per_s,
             lost: it.lost,
@@ -73,20 +70,14 @@ mod tests {
     use messages::Text;
 
     #[test]
-    fn it_is_what_the_page_reads() {
+    fn a_status_is_serialised_with_its_processes() {
         let mut status = DeploymentStatus { deployment: Text::new("demo"), uptime_ms: 1500, count: 1, ..DeploymentStatus::default() };
-        status.processes[0] = ProcessStatus {
-            process: Text::new("mapping"),
-            heartbeat_age_ms: u64::MAX,
-            state: ProcessState::Backoff as u32,
-            restarts: 2,
-            ..ProcessStatus::default()
-        };
+        status.processes[0] =
+            ProcessStatus { process: Text::new("mapping"), state: ProcessState::Backoff as u32, restarts: 2, ..ProcessStatus::default() };
         let json = serde_json::to_value(Status::from(&status)).unwrap();
         assert_eq!((&json["kind"], &json["uptime_s"]), (&"status".into(), &1.5.into()));
         let process = &json["processes"][0];
         assert_eq!((&process["state"], &process["restarts"]), (&"backoff".into(), &2.into()));
-        assert!(process["silent_s"].is_null());
         assert_eq!(json["processes"].as_array().unwrap().len(), 1);
     }
 }

@@ -1,4 +1,4 @@
-//! One browser on the other end of a stream: what it is answered, and that nothing it does hurts anybody else.
+//! The connection of a browser, over a socket pair.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use std::io::{Read, Write};
@@ -31,13 +31,13 @@ impl Ends {
     }
 
     fn advance(&mut self) -> Vec<Command> {
-        self.server.advance(Site { access: &self.access, obeys: true }, self.now)
+        self.server.advance(Site { access: &self.access, accepts_commands: true }, self.now)
     }
 
-    /// Asks and reads all of the answer.
+    /// Sends a request and reads the whole response.
     fn ask(mut self, request: &str) -> String {
         self.client.write_all(request.as_bytes()).unwrap();
-        while !self.server.is_over() {
+        while !self.server.is_closed() {
             self.advance();
         }
         drop(self.server);
@@ -46,7 +46,7 @@ impl Ends {
         answer
     }
 
-    /// A browser that watches.
+    /// A browser that shows the page.
     fn watching() -> (Self, WebSocket<UnixStream>) {
         let mut ends = Self::new();
         ends.client.write_all(HANDSHAKE.as_bytes()).unwrap();
@@ -68,7 +68,7 @@ fn tile(column: i32, value: f32) -> MapTile {
 }
 
 #[test]
-fn the_page_and_its_parts_are_served_and_nothing_else_is() {
+fn only_the_files_of_the_page_are_served() {
     let get = |path: &str| Ends::new().ask(&format!("GET {path} HTTP/1.1\r\nHost: localhost:8088\r\n\r\n"));
     let page = get("/?x=1");
     assert!(page.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/html") && page.contains("default-src 'none'"), "{page}");
@@ -92,7 +92,7 @@ fn foreign_pages_and_wrong_tokens_are_refused() {
 }
 
 #[test]
-fn a_request_may_come_in_pieces_but_not_for_ever() {
+fn a_request_may_come_in_pieces_before_the_deadline() {
     let mut ends = Ends::new();
     for byte in HANDSHAKE.bytes() {
         assert!(!ends.server.is_watching());
@@ -103,32 +103,32 @@ fn a_request_may_come_in_pieces_but_not_for_ever() {
     let mut slow = Ends::new();
     slow.client.write_all(b"GET / HT").unwrap();
     slow.advance();
-    assert!(!slow.server.is_over());
+    assert!(!slow.server.is_closed());
     slow.now += Duration::from_secs(6);
     slow.advance();
-    assert!(slow.server.is_over());
+    assert!(slow.server.is_closed());
 }
 
 #[test]
-fn who_watches_is_sent_what_he_lacks_and_is_heard() {
+fn a_browser_receives_updates_and_sends_commands() {
     let (mut ends, mut socket) = Ends::watching();
     let mut board = Board::default();
     board.put(Topic::Status, Message::text("{}"));
     board.tile(&tile(0, 1.0));
-    assert_eq!(ends.server.offer(&board, ends.now), Offer::Taken(2 + 4 + 12 + TILE_CELLS));
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::Sent(2 + 4 + 12 + TILE_CELLS));
     assert_eq!(socket.read().unwrap(), Message::text("{}"));
     assert_eq!(socket.read().unwrap().len(), 4 + 12 + TILE_CELLS);
-    assert_eq!(ends.server.offer(&board, ends.now), Offer::Taken(0));
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::Sent(0));
     socket.send(Message::text("{\"paused\":true,\"times\":2.5}")).unwrap();
     assert_eq!(ends.advance(), [Command { paused: true, times: 2.5 }]);
     socket.close(None).unwrap();
     ends.advance();
     ends.advance();
-    assert!(ends.server.is_over());
+    assert!(ends.server.is_closed());
 }
 
 #[test]
-fn whoever_takes_nothing_misses_frames_and_is_let_go() {
+fn a_stalled_browser_misses_updates_and_is_closed() {
     let (mut ends, _socket) = Ends::watching();
     let mut board = Board::default();
     let mut missed = 0;
@@ -136,51 +136,51 @@ fn whoever_takes_nothing_misses_frames_and_is_let_go() {
     for round in 0_u16..2_000 {
         (0..32).for_each(|column| board.tile(&tile(column, f32::from(round % 4) - 1.5)));
         match ends.server.offer(&board, ends.now) {
-            Offer::Taken(bytes) => sent += bytes,
+            Offer::Sent(bytes) => sent += bytes,
             Offer::Missed => missed += 1,
-            Offer::Absent => panic!("it was let go too early"),
+            Offer::NotWatching => panic!("closed before the deadline"),
         }
     }
     assert!(missed > 1_900, "{missed} missed");
-    assert!(sent < 2_000_000, "{sent} bytes wait for it");
+    assert!(sent < 2_000_000, "{sent} bytes are queued");
     ends.now += Duration::from_secs(11);
-    assert_eq!(ends.server.offer(&board, ends.now), Offer::Absent);
-    assert!(ends.server.is_over());
+    assert_eq!(ends.server.offer(&board, ends.now), Offer::NotWatching);
+    assert!(ends.server.is_closed());
 }
 
-/// Ends a connection by what a browser sends.
-fn is_dismissed_for(bytes: &[u8]) -> bool {
+/// Whether these bytes of a browser close its connection.
+fn is_closed_by(bytes: &[u8]) -> bool {
     let (mut ends, _socket) = Ends::watching();
     ends.client.write_all(bytes).unwrap();
     ends.advance();
-    ends.server.is_over()
+    ends.server.is_closed()
 }
 
 #[test]
-fn what_is_malformed_ends_its_own_connection() {
-    let said = |message: Message| {
+fn invalid_input_closes_the_connection() {
+    let closes = |message: Message| {
         let (mut ends, mut socket) = Ends::watching();
         socket.send(message).unwrap();
         let commands = ends.advance();
         assert!(commands.is_empty(), "{commands:?}");
-        ends.server.is_over()
+        ends.server.is_closed()
     };
     for text in
         ["", "{}", "{\"paused\":1,\"times\":1}", "{\"paused\":true,\"times\":1,\"more\":1}", "[]", "{\"paused\":true,\"times\":null}"]
     {
-        assert!(said(Message::text(text)), "{text}");
+        assert!(closes(Message::text(text)), "{text}");
     }
-    assert!(said(Message::binary(vec![0; 10])));
-    assert!(said(Message::text(" ".repeat(2_000))), "too long");
-    assert!(is_dismissed_for(b"\x81\x02{}"), "not masked");
-    assert!(is_dismissed_for(&[0xff; 20]), "no frame");
-    assert!(!said(Message::Ping(Bytes::from_static(b"?"))));
+    assert!(closes(Message::binary(vec![0; 10])));
+    assert!(closes(Message::text(" ".repeat(2_000))), "too long");
+    assert!(is_closed_by(b"\x81\x02{}"), "not masked");
+    assert!(is_closed_by(&[0xff; 20]), "no frame");
+    assert!(!closes(Message::Ping(Bytes::from_static(b"?"))));
 }
 
 proptest! {
     #[test]
-    fn no_bytes_do_more_than_end_the_connection(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        is_dismissed_for(&bytes);
+    fn any_bytes_at_most_close_the_connection(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        is_closed_by(&bytes);
         let mut ends = Ends::new();
         ends.client.write_all(&bytes).unwrap();
         ends.advance();

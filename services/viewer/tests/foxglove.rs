@@ -1,4 +1,4 @@
-//! Foxglove on the other end of a stream: what it is told and sent, and that nothing it does hurts anybody else.
+//! The port for Foxglove, over socket pairs.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use tungstenite::handshake::client::generate_key;
 use tungstenite::protocol::{Role, WebSocket};
 use tungstenite::{Bytes, Message};
 
-/// Longest that something may not come before the test is called hung; nothing is measured by it.
+/// Time after which a read fails, so that a hung test ends.
 const WATCHDOG: Duration = Duration::from_secs(60);
 const TOKEN: &str = "0123456789abcdef";
 
@@ -26,7 +26,7 @@ struct Bench {
     now: Instant,
 }
 
-/// Foxglove, connected.
+/// A connected client.
 struct Foxglove {
     socket: WebSocket<UnixStream>,
     channels: BTreeMap<String, Value>,
@@ -50,12 +50,12 @@ impl Bench {
         Self { feed: Feed::new("demo", 7, access, now), now }
     }
 
-    /// A stream to the port, and what it answers to these lines.
+    /// A stream to the port, and its response to these lines.
     fn ask(&mut self, lines: &str) -> (UnixStream, String) {
         let (server, mut client) = UnixStream::pair().unwrap();
         server.set_nonblocking(true).unwrap();
         client.set_read_timeout(Some(WATCHDOG)).unwrap();
-        self.feed.admit(server, self.now);
+        self.feed.add_client(server, self.now);
         client.write_all(lines.as_bytes()).unwrap();
         self.feed.advance(self.now);
         let mut answer = Vec::new();
@@ -71,9 +71,9 @@ impl Bench {
         assert!(answer.starts_with("HTTP/1.1 101 ") && answer.contains("\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n"), "{answer}");
         self.flush();
         let mut socket = WebSocket::from_raw_socket(stream, Role::Client, None);
-        let info = said(&mut socket);
+        let info = text(&mut socket);
         assert_eq!((&info["op"], &info["name"], &info["sessionId"]), (&json!("serverInfo"), &json!("stillmap demo"), &json!("7")));
-        let advertised = said(&mut socket);
+        let advertised = text(&mut socket);
         assert_eq!(advertised["op"], "advertise");
         let channels = advertised["channels"].as_array().unwrap().iter();
         Foxglove { socket, channels: channels.map(|it| (it["topic"].as_str().unwrap().to_owned(), it.clone())).collect() }
@@ -83,8 +83,8 @@ impl Bench {
         self.feed.flush(self.now);
     }
 
-    /// Somebody else is served as ever.
-    fn is_well(&mut self) -> bool {
+    /// Whether another client is served.
+    fn serves_another(&mut self) -> bool {
         let mut other = self.connect();
         other.subscribe(self, &[(1, "robot/pose")]);
         self.feed.scan(1, 10, &scan(1.0));
@@ -94,18 +94,19 @@ impl Bench {
 }
 
 impl Foxglove {
-    fn say(&mut self, bench: &mut Bench, request: &Value) {
+    fn send(&mut self, bench: &mut Bench, request: &Value) {
         self.socket.send(Message::text(request.to_string())).unwrap();
         bench.feed.advance(bench.now);
         bench.flush();
     }
 
-    fn subscribe(&mut self, bench: &mut Bench, wishes: &[(u32, &str)]) {
-        let wishes: Vec<Value> = wishes.iter().map(|(id, topic)| json!({ "id": id, "channelId": self.channels[*topic]["id"] })).collect();
-        self.say(bench, &json!({ "op": "subscribe", "subscriptions": wishes }));
+    fn subscribe(&mut self, bench: &mut Bench, subscriptions: &[(u32, &str)]) {
+        let subscriptions: Vec<Value> =
+            subscriptions.iter().map(|(id, topic)| json!({ "id": id, "channelId": self.channels[*topic]["id"] })).collect();
+        self.send(bench, &json!({ "op": "subscribe", "subscriptions": subscriptions }));
     }
 
-    /// The next message: its subscription and bytes, told at this time.
+    /// The next message, of this time: its subscription and bytes.
     fn message(&mut self, log_ns: u64) -> (u32, Bytes) {
         loop {
             let Message::Binary(bytes) = self.socket.read().unwrap() else { panic!("no data") };
@@ -116,16 +117,16 @@ impl Foxglove {
         }
     }
 
-    /// The next word of the port.
-    fn said(&mut self) -> Value {
-        said(&mut self.socket)
+    /// The next text message.
+    fn text(&mut self) -> Value {
+        text(&mut self.socket)
     }
 }
 
-fn said(socket: &mut WebSocket<UnixStream>) -> Value {
+fn text(socket: &mut WebSocket<UnixStream>) -> Value {
     loop {
-        if let Message::Text(text) = socket.read().unwrap() {
-            return serde_json::from_str(&text).unwrap();
+        if let Message::Text(json) = socket.read().unwrap() {
+            return serde_json::from_str(&json).unwrap();
         }
     }
 }
@@ -140,7 +141,7 @@ fn handshake(path: &str, protocols: &str, origin: Option<&str>) -> String {
 }
 
 #[test]
-fn channels_say_what_a_log_says_and_messages_are_those_of_a_log() {
+fn channels_and_messages_are_those_of_a_log() {
     let mut bench = Bench::new();
     let mut foxglove = bench.connect();
     for (topic, schema, encoding) in [
@@ -174,7 +175,7 @@ fn channels_say_what_a_log_says_and_messages_are_those_of_a_log() {
 }
 
 #[test]
-fn time_is_the_drives_and_reports_come_with_it() {
+fn reports_are_sent_at_sensor_time() {
     let mut bench = Bench::new();
     let mut foxglove = bench.connect();
     foxglove.subscribe(&mut bench, &[(1, "health/log")]);
@@ -188,7 +189,7 @@ fn time_is_the_drives_and_reports_come_with_it() {
 }
 
 #[test]
-fn who_joins_late_is_sent_the_whole_map_once() {
+fn a_late_subscriber_receives_the_whole_map_once() {
     let mut bench = Bench::new();
     bench.feed.tile(1, 50, &tile(0));
     bench.feed.tile(2, 60, &tile(1));
@@ -201,20 +202,20 @@ fn who_joins_late_is_sent_the_whole_map_once() {
         bench.now += Duration::from_secs(1);
         bench.flush();
         assert_eq!(foxglove.message(60), (id, expected.clone()));
-        foxglove.say(&mut bench, &json!({ "op": "unsubscribe", "subscriptionIds": [id] }));
+        foxglove.send(&mut bench, &json!({ "op": "unsubscribe", "subscriptionIds": [id] }));
     }
     let before = bench.feed.sent();
     bench.now += Duration::from_secs(1);
     bench.feed.tile(3, 70, &tile(1));
     bench.flush();
-    assert_eq!(bench.feed.sent(), before, "nobody wants it any more");
+    assert_eq!(bench.feed.sent(), before, "no client subscribes to it");
 }
 
 #[test]
-fn whoever_takes_nothing_misses_messages_and_is_let_go() {
+fn a_stalled_client_misses_messages_and_is_closed() {
     let mut bench = Bench::new();
-    let mut deaf = bench.connect();
-    deaf.subscribe(&mut bench, &[(1, "map/tile")]);
+    let mut stalled = bench.connect();
+    stalled.subscribe(&mut bench, &[(1, "map/tile")]);
     let bytes = tile(0).encode(1, 1).len() as u64;
     for seq in 1..2_000 {
         bench.feed.tile(seq, seq, &tile(0));
@@ -222,15 +223,15 @@ fn whoever_takes_nothing_misses_messages_and_is_let_go() {
     }
     let sent = bench.feed.sent();
     assert!(sent.messages * bytes < 3_000_000 && sent.dropped > 1_000, "{sent:?}");
-    assert!(bench.is_well() && bench.feed.is_writing());
+    assert!(bench.serves_another() && bench.feed.is_writing());
     bench.now += Duration::from_secs(11);
     bench.flush();
     bench.flush();
-    assert!(!bench.feed.is_writing(), "it is let go");
+    assert!(!bench.feed.is_writing(), "it is closed");
 }
 
 #[test]
-fn what_is_malformed_ends_its_own_connection() {
+fn invalid_input_closes_the_connection() {
     for message in [
         Message::text(""),
         Message::text("{}"),
@@ -243,62 +244,62 @@ fn what_is_malformed_ends_its_own_connection() {
         foxglove.socket.send(message.clone()).unwrap();
         bench.feed.advance(bench.now);
         assert_eq!(bench.feed.clients(), 0, "{message:?}");
-        assert!(bench.is_well());
+        assert!(bench.serves_another());
     }
 }
 
 #[test]
-fn what_cannot_be_had_is_said_and_the_rest_goes_on() {
+fn an_invalid_request_is_answered_with_a_status() {
     let mut bench = Bench::new();
     let mut foxglove = bench.connect();
     for (request, words) in [
-        (json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": 4_000_000_000_000_u64 }] }), "names a channel"),
-        (json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": 1 }, { "id": 1, "channelId": 2 }] }), "taken already"),
+        (json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": 4_000_000_000_000_u64 }] }), "unknown channel"),
+        (json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": 1 }, { "id": 1, "channelId": 2 }] }), "already in use"),
         (json!({ "op": "getParameters", "parameterNames": [] }), "not offered"),
         (
             json!({ "op": "subscribe", "subscriptions": (10..100).map(|id| json!({ "id": id, "channelId": 1 })).collect::<Vec<_>>() }),
             "too many",
         ),
     ] {
-        foxglove.say(&mut bench, &request);
-        let status = foxglove.said();
+        foxglove.send(&mut bench, &request);
+        let status = foxglove.text();
         assert!(status["op"] == "status" && status["message"].as_str().unwrap().contains(words), "{status}");
     }
-    assert!(bench.feed.clients() == 1 && bench.is_well());
+    assert!(bench.feed.clients() == 1 && bench.serves_another());
 }
 
 #[test]
-fn who_may_not_look_is_told_why() {
-    let refused = |bench: &mut Bench, request: &str| bench.ask(request).1.lines().next().unwrap().to_owned();
+fn a_request_that_is_not_admitted_gets_an_error() {
+    let response = |bench: &mut Bench, request: &str| bench.ask(request).1.lines().next().unwrap().to_owned();
     let sdk = "foxglove.sdk.v1";
     let mut open = Bench::new();
-    assert_eq!(refused(&mut open, &handshake("/", sdk, Some("https://example.org"))), "HTTP/1.1 403 Forbidden");
-    assert_eq!(refused(&mut open, &handshake("/", "chat", None)), "HTTP/1.1 400 Bad Request");
-    assert_eq!(refused(&mut open, "GET / HTTP/1.1\r\nHost: localhost:8765\r\n\r\n"), "HTTP/1.1 426 Upgrade Required");
-    assert_eq!(refused(&mut open, &handshake("/", sdk, Some("https://app.foxglove.dev"))), "HTTP/1.1 101 Switching Protocols");
+    assert_eq!(response(&mut open, &handshake("/", sdk, Some("https://example.org"))), "HTTP/1.1 403 Forbidden");
+    assert_eq!(response(&mut open, &handshake("/", "chat", None)), "HTTP/1.1 400 Bad Request");
+    assert_eq!(response(&mut open, "GET / HTTP/1.1\r\nHost: localhost:8765\r\n\r\n"), "HTTP/1.1 426 Upgrade Required");
+    assert_eq!(response(&mut open, &handshake("/", sdk, Some("https://app.foxglove.dev"))), "HTTP/1.1 101 Switching Protocols");
     let mut guarded = Bench::with(Access::new("0.0.0.0".parse().unwrap(), Some(TOKEN)));
-    assert_eq!(refused(&mut guarded, &handshake("/", sdk, None)), "HTTP/1.1 401 Unauthorized");
-    assert_eq!(refused(&mut guarded, &handshake(&format!("/?token={TOKEN}"), sdk, None)), "HTTP/1.1 101 Switching Protocols");
+    assert_eq!(response(&mut guarded, &handshake("/", sdk, None)), "HTTP/1.1 401 Unauthorized");
+    assert_eq!(response(&mut guarded, &handshake(&format!("/?token={TOKEN}"), sdk, None)), "HTTP/1.1 101 Switching Protocols");
 }
 
 #[test]
-fn there_is_an_end_of_clients() {
+fn the_number_of_clients_is_limited() {
     let mut bench = Bench::new();
     let clients: Vec<Foxglove> = (0..8).map(|_| bench.connect()).collect();
     let (server, mut client) = UnixStream::pair().unwrap();
-    bench.feed.admit(server, bench.now);
-    assert_eq!((client.read(&mut [0]).unwrap(), bench.feed.clients(), bench.feed.sent().turned_away), (0, 8, 1));
+    bench.feed.add_client(server, bench.now);
+    assert_eq!((client.read(&mut [0]).unwrap(), bench.feed.clients(), bench.feed.sent().refused), (0, 8, 1));
     drop(clients);
     bench.feed.advance(bench.now);
-    assert!(bench.is_well(), "their places are free again");
+    assert!(bench.serves_another(), "closed clients no longer count");
 }
 
 proptest! {
     #[test]
-    fn no_bytes_do_more_than_end_the_connection(bytes in prop::collection::vec(any::<u8>(), 0..400), said in ".{0,80}") {
+    fn any_bytes_at_most_close_the_connection(bytes in prop::collection::vec(any::<u8>(), 0..400), request in ".{0,80}") {
         let mut bench = Bench::new();
         let mut foxglove = bench.connect();
-        foxglove.socket.send(Message::text(said)).unwrap();
+        foxglove.socket.send(Message::text(request)).unwrap();
         foxglove.socket.get_mut().write_all(&bytes).unwrap();
         bench.feed.advance(bench.now);
         bench.flush();

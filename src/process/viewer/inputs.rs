@@ -1,4 +1,4 @@
-//! What the viewer reads, brought onto the board and to whoever has subscribed.
+//! The services that the viewer shows.
 
 use ::viewer::foxglove::Feed;
 use ::viewer::{Board, Scene, Topic, camera};
@@ -10,7 +10,7 @@ use messages::{
 use runtime::Shell;
 use std::net::TcpStream;
 
-/// Most messages taken from one input in one round: the heartbeat must not wait for a flood to end.
+/// Most messages taken from one input in one step, so that a flood does not delay the heartbeat.
 const MOST_AT_ONCE: usize = 256;
 
 /// The inputs of the viewer.
@@ -23,7 +23,7 @@ pub(super) struct Inputs {
     camera_motions: Reader<CameraMotion>,
     verdicts: Reader<FilterVerdict>,
     tiles: Reader<MapTile>,
-    way: Reader<WayChunk>,
+    path: Reader<WayChunk>,
     truth: Reader<TruthScan>,
     surfaces: Reader<TruthSurfaces>,
     lines: Reader<LogLine>,
@@ -31,14 +31,14 @@ pub(super) struct Inputs {
     masks: FrameReader<CameraMask>,
 }
 
-/// What a round of taking found.
+/// What one step has taken.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Taken {
-    /// There may be more.
+    /// More messages may wait.
     pub(super) more: bool,
-    /// The scene looks different from before.
+    /// The scene has changed.
     pub(super) scene: bool,
-    /// The newest status, if one came.
+    /// The newest status, if one was received.
     pub(super) status: Option<DeploymentStatus>,
 }
 
@@ -53,7 +53,7 @@ impl Inputs {
             camera_motions: shell.reader()?,
             verdicts: shell.reader()?,
             tiles: shell.reader()?,
-            way: shell.reader()?,
+            path: shell.reader()?,
             truth: shell.reader()?,
             surfaces: shell.reader()?,
             lines: shell.reader()?,
@@ -62,7 +62,7 @@ impl Inputs {
         })
     }
 
-    /// Takes what waits, up to a share of each input.
+    /// Takes what waits, up to a limit for each input, and passes it to board, scene and feed.
     pub(super) fn take(&mut self, board: &mut Board, scene: &mut Scene, feed: &mut Feed<TcpStream>) -> Result<Taken, BusError> {
         let mut taken = Taken::default();
         let Taken { more, scene: seen, status } = &mut taken;
@@ -110,12 +110,11 @@ impl Inputs {
             board.tile(tile);
             feed.tile(seq, stamp_ns, tile);
         })?;
-        *more |= drain(&mut self.way, |_, _, chunk| board.way(chunk))?;
+        *more |= drain(&mut self.path, |_, _, chunk| board.path(chunk))?;
         Ok(taken)
     }
 
-    /// Takes the camera's pictures that wait and puts the newest on the board; unless one is wanted, they are let go. True when
-    /// there is a new one.
+    /// Takes the waiting pictures and shows the newest if one is wanted. True if one is shown.
     pub(super) fn take_picture(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
         let Some(frame) = newest(&mut self.frames)?.filter(|_| is_wanted) else { return Ok(false) };
         board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
@@ -123,7 +122,7 @@ impl Inputs {
         Ok(true)
     }
 
-    /// Takes the masks that wait, likewise: they come later than their pictures.
+    /// The same for masks, which are published later than their pictures.
     pub(super) fn take_mask(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
         let Some(mask) = newest(&mut self.masks)?.filter(|_| is_wanted) else { return Ok(false) };
         board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
@@ -141,7 +140,7 @@ fn newest<P: Pictures>(reader: &mut FrameReader<P>) -> Result<Option<Frame<P>>, 
     for _ in 0..MOST_AT_ONCE {
         match reader.take()? {
             None => break,
-            // The one before goes back to its sender before the next is taken.
+            // This releases the previous one: its sender has few slots.
             Some(Received::Message(frame)) => newest = Some(frame),
             Some(Received::End { .. }) => {}
         }
@@ -149,7 +148,7 @@ fn newest<P: Pictures>(reader: &mut FrameReader<P>) -> Result<Option<Frame<P>>, 
     Ok(newest)
 }
 
-/// Takes what waits, up to a share; true when there may be more.
+/// Takes what waits, up to a limit; true when there may be more.
 fn drain<T: Payload>(reader: &mut Reader<T>, mut each: impl FnMut(u64, u64, &T)) -> Result<bool, BusError> {
     for _ in 0..MOST_AT_ONCE {
         match reader.take()? {

@@ -1,4 +1,4 @@
-//! The viewer as a process: from the bus to browsers.
+//! The process `viewer`: from the bus to browsers and Foxglove.
 
 mod inputs;
 
@@ -14,52 +14,52 @@ use settings::{BuiltIn, Settings};
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
-/// Time between two frames: 20 a second are enough for the eye.
-const FRAME: Duration = Duration::from_millis(50);
-/// Time between two pictures of the camera: 12 a second.
-const PICTURE: Duration = Duration::from_millis(80);
-/// How long browsers may take for the last frame.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// Time between two updates of the page: 20 a second look continuous.
+const UPDATE_PERIOD: Duration = Duration::from_millis(50);
+/// Time between two pictures of the camera, which are most of the bytes: 12 a second.
+const PICTURE_PERIOD: Duration = Duration::from_millis(80);
+/// Longest time in which browsers receive the last update.
+const LAST_UPDATE: Duration = Duration::from_secs(1);
 
-/// Shows the deployment until its run has ended.
+/// Shows the deployment until every other process of the run is over.
 ///
 /// # Errors
-/// When the bus fails. A port that cannot be had is no failure: the run goes on without the page, and the status says so.
+/// When the bus fails. Without a free port the process runs without the page and reports that in its status.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let now = Instant::now();
     let of = &settings.viewer;
     let access = Access::new(of.address.get(), of.token.as_ref().map(settings::Token::as_str));
     let feed = Feed::new(settings.name.as_str(), shell.membership().run(), access.clone(), now);
-    let obeys = settings.runs(BuiltIn::Playback);
+    let is_replay = settings.runs(BuiltIn::Playback);
     let mut board = Board::default();
     let deployment = deployment(settings);
     board.put_json(Topic::Deployment, &deployment);
     let others = settings.process.iter().filter(|process| !process.runs(BuiltIn::Viewer) && !process.runs(BuiltIn::Recorder));
     let mut viewer = Viewer {
         inputs: Inputs::open(&mut shell)?,
-        control: if obeys { Some(shell.writer()?) } else { None },
+        control: if is_replay { Some(shell.writer()?) } else { None },
         commands: 0,
         scene: Scene::new(settings.mapping.cell_m.get(), playback(settings)),
         board,
         deployment,
-        server: Server::new(of.address.get(), of.port.get() as u16, access, obeys),
+        server: Server::new(of.address.get(), of.port.get() as u16, access, is_replay),
         foxglove: Port::new(of.address.get(), of.foxglove_port.get() as u16, feed),
-        framed: now,
-        pictured: now,
-        masked: now,
-        scene_is_news: false,
+        updated_at: now,
+        picture_at: now,
+        mask_at: now,
+        scene_changed: false,
         others: others.map(|process| process.name.as_str().to_owned()).collect(),
         over_since: None,
     };
     Ok(shell.run(&mut viewer)?)
 }
 
-/// Name of the process that plays a log.
+/// Name of the playback process.
 fn playback(settings: &Settings) -> Option<&str> {
     settings.process.iter().find(|process| process.runs(BuiltIn::Playback)).map(|process| process.name.as_str())
 }
 
-/// What the page is told; the port for Foxglove is not open yet.
+/// The deployment as the page receives it before the port for Foxglove is open.
 fn deployment(settings: &Settings) -> Deployment {
     Deployment {
         name: settings.name.as_str().to_owned(),
@@ -82,11 +82,13 @@ struct Viewer {
     deployment: Deployment,
     server: Server,
     foxglove: Port,
-    framed: Instant,
-    pictured: Instant,
-    masked: Instant,
-    scene_is_news: bool,
-    /// Whose end ends the page.
+    /// Time of the last update of the page, picture and mask.
+    updated_at: Instant,
+    picture_at: Instant,
+    mask_at: Instant,
+    /// The scene has changed since the last update.
+    scene_changed: bool,
+    /// Processes whose end ends the page.
     others: Vec<String>,
     over_since: Option<Instant>,
 }
@@ -96,16 +98,16 @@ impl runtime::Process for Viewer {
         let now = Instant::now();
         self.open(now);
         let taken = self.inputs.take(&mut self.board, &mut self.scene, &mut self.foxglove.feed)?;
-        self.note_news(&taken, now);
+        self.note(&taken, now);
         self.take_pictures(now)?;
-        self.obey(context, now)?;
+        self.forward_commands(context, now)?;
         self.foxglove.advance(now);
         let next = self.show(now);
         self.foxglove.feed.flush(now);
         self.report(context);
         if context.stopping() || self.is_done(now) {
-            self.server.bid_farewell();
-            self.foxglove.feed.bid_farewell(now);
+            self.server.close();
+            self.foxglove.feed.close(now);
             return Ok(Next::Finished);
         }
         Ok(if taken.more { Next::Again } else { next })
@@ -117,7 +119,7 @@ impl runtime::Process for Viewer {
 }
 
 impl Viewer {
-    /// Opens the page and the port for Foxglove, which the page names.
+    /// Opens the page and the port for Foxglove, whose number the page shows.
     fn open(&mut self, now: Instant) {
         self.server.listener.open(now);
         if self.foxglove.listener.open(now) {
@@ -128,19 +130,19 @@ impl Viewer {
 
     fn take_pictures(&mut self, now: Instant) -> Result<(), BusError> {
         let feed = &self.foxglove.feed;
-        let somebody_looks = self.server.watching() > 0 || feed.wants::<CameraFrame>() || feed.wants::<CameraMask>();
-        let is_wanted = |last: Instant| somebody_looks && now.saturating_duration_since(last) >= PICTURE;
-        if self.inputs.take_picture(&mut self.board, &mut self.foxglove.feed, is_wanted(self.pictured))? {
-            self.pictured = now;
+        let is_watched = self.server.watching() > 0 || feed.wants::<CameraFrame>() || feed.wants::<CameraMask>();
+        let is_wanted = |last: Instant| is_watched && now.saturating_duration_since(last) >= PICTURE_PERIOD;
+        if self.inputs.take_picture(&mut self.board, &mut self.foxglove.feed, is_wanted(self.picture_at))? {
+            self.picture_at = now;
         }
-        if self.inputs.take_mask(&mut self.board, &mut self.foxglove.feed, is_wanted(self.masked))? {
-            self.masked = now;
+        if self.inputs.take_mask(&mut self.board, &mut self.foxglove.feed, is_wanted(self.mask_at))? {
+            self.mask_at = now;
         }
         Ok(())
     }
 
-    fn note_news(&mut self, taken: &Taken, now: Instant) {
-        self.scene_is_news |= taken.scene;
+    fn note(&mut self, taken: &Taken, now: Instant) {
+        self.scene_changed |= taken.scene;
         if let Some(status) = &taken.status {
             self.board.put_json(Topic::Status, &Status::from(status));
             if self.over_since.is_none() && self.others_are_over(status) {
@@ -149,16 +151,16 @@ impl Viewer {
         }
     }
 
-    /// Whether the run ends and everybody is over who has something to show.
+    /// Whether the run ends and every process with something to show is over.
     fn others_are_over(&self, status: &DeploymentStatus) -> bool {
         let mut others = status.processes().iter().filter(|it| self.others.iter().any(|name| name == it.process.as_str()));
         status.ending == 1 && others.all(ProcessStatus::is_over)
     }
 
-    /// Hands on to playback what browsers ask for.
-    fn obey(&mut self, context: &Context<'_>, now: Instant) -> Result<(), BusError> {
+    /// Forwards the commands of browsers to playback.
+    fn forward_commands(&mut self, context: &Context<'_>, now: Instant) -> Result<(), BusError> {
         let commands = self.server.advance(now);
-        // Of several browsers that want something, the last one has it.
+        // The last command wins.
         let Some((control, command)) = self.control.as_mut().zip(commands.last()) else { return Ok(()) };
         self.commands += 1;
         control.send_with(self.commands, context.now_ns(), |control| {
@@ -167,53 +169,53 @@ impl Viewer {
         })
     }
 
-    /// Sends a frame when it is time for one; when to look again.
+    /// Updates the page when that is due. Returns when to step again.
     fn show(&mut self, now: Instant) -> Next {
         if self.server.watching() == 0 && !self.foxglove.feed.wants_scene() {
             let is_writing = self.server.is_writing() || self.foxglove.feed.is_writing();
             let are_open = self.server.listener.address().is_some() && self.foxglove.listener.address().is_some();
             return match (is_writing, are_open) {
-                (true, _) => Next::WaitAtMost(FRAME),
+                (true, _) => Next::WaitAtMost(UPDATE_PERIOD),
                 (false, false) => Next::WaitAtMost(LISTEN_RETRY),
                 (false, true) => Next::Wait,
             };
         }
-        let until_next = FRAME.saturating_sub(now.saturating_duration_since(self.framed));
+        let until_next = UPDATE_PERIOD.saturating_sub(now.saturating_duration_since(self.updated_at));
         if !until_next.is_zero() {
             return Next::WaitAtMost(until_next);
         }
-        self.framed = now;
-        if std::mem::take(&mut self.scene_is_news) {
+        self.updated_at = now;
+        if std::mem::take(&mut self.scene_changed) {
             let scene = self.scene.view();
             self.board.put_json(Topic::Scene, &scene);
             self.foxglove.feed.scene(&scene);
         }
         self.server.offer(&self.board, now);
-        // What is left over, or comes to somebody who has just joined, is offered with the next frame.
-        Next::WaitAtMost(FRAME)
+        // Browsers that have not received everything, and new ones, get the rest with the next update.
+        Next::WaitAtMost(UPDATE_PERIOD)
     }
 
-    /// Whether the run has ended and everybody has been sent the end of it, or had the time to take it.
+    /// Whether the run has ended and every browser has received its end, or had the time to receive it.
     fn is_done(&self, now: Instant) -> bool {
         let Some(since) = self.over_since else { return false };
-        let somebody_waits = self.server.is_behind(&self.board) || self.foxglove.feed.is_writing();
-        !somebody_waits || now.saturating_duration_since(since) >= FAREWELL
+        let is_behind = self.server.is_behind(&self.board) || self.foxglove.feed.is_writing();
+        !is_behind || now.saturating_duration_since(since) >= LAST_UPDATE
     }
 
     fn report(&self, context: &mut Context<'_>) {
         let (served, sent) = (self.server.served, self.foxglove.feed.sent());
         context.count("browsers", self.server.watching() as u64);
         context.count("tiles", self.board.tiles() as u64);
-        context.count("frames sent", served.frames);
-        context.count("frames dropped", served.missed);
+        context.count("updates sent", served.updates);
+        context.count("updates dropped", served.missed);
         context.count("bytes sent", served.bytes);
         context.count("foxglove clients", self.foxglove.feed.clients() as u64);
         context.count("foxglove messages sent", sent.messages);
         context.count("foxglove messages dropped", sent.dropped);
-        context.count("connections refused", served.turned_away + sent.turned_away);
+        context.count("connections refused", served.refused + sent.refused);
         match self.server.listener.address() {
             Some(address) => context.note(&format!("http://{address}/")),
-            None => context.note(self.server.listener.trouble()),
+            None => context.note(self.server.listener.problem()),
         }
     }
 }

@@ -9,11 +9,11 @@ use tungstenite::Message;
 
 use super::{protocol, scene};
 
-/// The channels by their numbers, which count from 1.
+/// The channels. Ids count from 1.
 pub(super) struct Channels(Vec<(&'static str, Format)>);
 
 impl Channels {
-    /// What a log of a drive holds, as far as it is told again and again.
+    /// The topics of a log that are published repeatedly.
     pub(super) fn of_a_drive() -> Self {
         Self(vec![
             of::<SonarScan>(),
@@ -35,22 +35,22 @@ impl Channels {
         ])
     }
 
-    /// The number of a topic's channel.
+    /// The id of the channel of a topic.
     pub(super) fn id(&self, topic: &str) -> Option<u32> {
         self.numbered().find(|(_, name, _)| *name == topic).map(|(id, _, _)| id)
     }
 
-    /// The number as it is known here, of one that a client names.
+    /// The id that a client names, if there is such a channel.
     pub(super) fn known(&self, id: u64) -> Option<u32> {
         u32::try_from(id).ok().filter(|id| (1..=self.0.len()).contains(&(*id as usize)))
     }
 
-    /// How many there are.
+    /// Number of channels.
     pub(super) fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// What tells a client of them.
+    /// The message that lists the channels.
     pub(super) fn advertise(&self) -> Message {
         protocol::advertise(self.numbered())
     }

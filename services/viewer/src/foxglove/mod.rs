@@ -1,11 +1,12 @@
-//! The port that Foxglove and Lichtblick connect to: what a log holds, as it happens.
+//! The port for Foxglove and Lichtblick: the topics of a log, as they are published.
 //!
-//! Spoken is Foxglove's WebSocket protocol, version 1, under both of its names; channels, schemas and bytes are those that
-//! `drivelog` writes, and the scene is what the page draws over the map. The `foxglove` library has a server for it, on an async runtime with threads of its own; a process here is
-//! one loop around `poll`, which has a WebSocket for the page already, and the protocol is two messages each way.
+//! It implements Foxglove's WebSocket protocol, version 1, under both of its names. Channels, schemas and bytes are those that
+//! `drivelog` writes; the scene is what the page draws over the map. The `foxglove` crate has a server for it that brings an async
+//! runtime with threads of its own. A process here is one loop around `poll` that has a WebSocket for the page already, and the part
+//! of the protocol that is used has two messages each way.
 //!
-//! A message is encoded when somebody has subscribed to it, once for everybody. Whoever takes nothing is not waited for: what
-//! comes while much is still on its way to him is dropped, and counted.
+//! A message is encoded once, if a client has subscribed to it. No client is waited for: messages for a client with a large backlog
+//! are dropped and counted.
 
 mod channels;
 mod client;

@@ -1,4 +1,4 @@
-//! The socket of the port.
+//! The sockets of the port.
 
 use std::net::{IpAddr, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::feed::Feed;
 use crate::listener::Listener;
 
-/// Where Foxglove connects to.
+/// The port with its clients.
 pub struct Port {
     /// Accepts clients.
     pub listener: Listener,
@@ -16,20 +16,20 @@ pub struct Port {
 }
 
 impl Port {
-    /// A port at this address, the first free one of ten.
+    /// A port at this address, at the first free port of ten.
     pub fn new(address: IpAddr, first_port: u16, feed: Feed<TcpStream>) -> Self {
         Self { listener: Listener::new("port for Foxglove", address, first_port), feed }
     }
 
-    /// Takes who has come and what clients ask for.
+    /// Accepts clients and reads their requests.
     pub fn advance(&mut self, now: Instant) {
         for stream in self.listener.accept() {
-            self.feed.admit(stream, now);
+            self.feed.add_client(stream, now);
         }
         self.feed.advance(now);
     }
 
-    /// What wakes the process.
+    /// The descriptors that wake the process.
     pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         self.listener.descriptor().into_iter().chain(self.feed.streams().map(TcpStream::as_fd))
     }

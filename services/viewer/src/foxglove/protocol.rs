@@ -1,4 +1,4 @@
-//! The messages of Foxglove's WebSocket protocol, version 1, as far as they are spoken here.
+//! The messages of Foxglove's WebSocket protocol, version 1, as far as they are used here.
 
 use data_encoding::BASE64;
 use drivelog::Format;
@@ -11,39 +11,39 @@ const NAMES: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 const MESSAGE_DATA: u8 = 1;
 /// First byte of a message with the time.
 const TIME: u8 = 2;
-/// How bad a status is: somebody did something that is not done.
+/// Level of a status: warning.
 const WARNING: u8 = 1;
 
-/// What a client asks for.
+/// A request of a client.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
 pub(super) enum Request {
-    /// To be sent the messages of channels.
+    /// Send the messages of channels.
     Subscribe {
-        /// Which ones.
+        /// The channels.
         subscriptions: Vec<Subscription>,
     },
-    /// To be sent them no more.
+    /// Stop sending them.
     Unsubscribe {
-        /// Which ones.
+        /// The ids of the subscriptions.
         subscription_ids: Vec<u32>,
     },
-    /// Something that needs a capability which was not offered.
+    /// A request that needs a capability which is not offered.
     #[serde(other)]
     Other,
 }
 
-/// A client's wish to be sent the messages of a channel.
+/// A subscription of a client to a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Subscription {
-    /// The client's number for it.
+    /// The client's id of the subscription.
     pub(super) id: u32,
-    /// The channel's number.
+    /// The id of the channel.
     pub(super) channel_id: u64,
 }
 
-/// What is said to a client in words.
+/// A text message to a client.
 #[derive(Serialize)]
 #[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
 enum Answer<'a> {
@@ -63,18 +63,18 @@ struct Advertised<'a> {
     schema: String,
 }
 
-/// The name of the protocol that both ends speak, of those that the other one offers.
+/// The newest name of the protocol among those that the client offers.
 pub(super) fn common(offered: &[String]) -> Option<&'static str> {
     NAMES.into_iter().find(|name| offered.iter().any(|other| other == name))
 }
 
-/// Who serves; a client forgets what it has seen when the run is another than before.
+/// The first message of the server. A client drops what it shows when the run differs from the last one.
 pub(super) fn server_info(name: &str, run: u64) -> Message {
-    // Time is the drive's: a replay shows the day on which it was recorded.
+    // With the capability `time` clients show sensor time: a replay has the time at which it was recorded.
     text(&Answer::ServerInfo { name, capabilities: ["time"], session_id: run.to_string() })
 }
 
-/// The channels by number, topic and format.
+/// The channels with id, topic and format.
 pub(super) fn advertise<'a>(channels: impl Iterator<Item = (u32, &'a str, &'a Format)>) -> Message {
     let channels = channels.map(|(id, topic, format)| Advertised {
         id,
@@ -90,23 +90,23 @@ pub(super) fn advertise<'a>(channels: impl Iterator<Item = (u32, &'a str, &'a Fo
     text(&Answer::Advertise { channels: channels.collect() })
 }
 
-/// What a client should know of what it did.
+/// A warning about a request.
 pub(super) fn status(message: &str) -> Message {
     text(&Answer::Status { level: WARNING, message })
 }
 
-/// A message of the channel that was subscribed to under this number.
+/// A message of a channel, under the id of a subscription.
 pub(super) fn message_data(subscription: u32, log_ns: u64, data: &[u8]) -> Message {
     Message::binary([&[MESSAGE_DATA][..], &subscription.to_le_bytes(), &log_ns.to_le_bytes(), data].concat())
 }
 
-/// What time it is where the messages come from.
+/// The current sensor time.
 pub(super) fn time(log_ns: u64) -> Message {
     Message::binary([&[TIME][..], &log_ns.to_le_bytes()].concat())
 }
 
 fn text(answer: &Answer<'_>) -> Message {
-    // Fails for maps whose keys are no text; an answer has none.
+    // Fails only for maps with keys that are not text; an answer has none.
     Message::text(serde_json::to_string(answer).unwrap_or_default())
 }
 
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_those_of_the_specification() {
+    fn messages_follow_the_specification() {
         let info = json!({ "op": "serverInfo", "name": "demo", "capabilities": ["time"], "sessionId": "7" });
         assert_eq!(value(&server_info("demo", 7)), info);
         let format = Format {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_binary_schema_travels_in_base64() {
+    fn a_binary_schema_is_sent_in_base64() {
         let format = PoseView::format();
         let advertised = value(&advertise([(1, "p", &format)].into_iter()));
         let schema = advertised["channels"][0]["schema"].as_str().unwrap();
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_are_read_and_those_that_need_more_are_known_as_such() {
+    fn requests_are_parsed_and_unknown_ones_recognised() {
         let read = |text: &str| serde_json::from_str::<Request>(text).ok();
         let one = Subscription { id: 1, channel_id: 2 };
         assert_eq!(
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn of_the_protocols_names_the_newer_one_is_chosen() {
+    fn the_newest_protocol_name_is_chosen() {
         let choose = |offered: &[&str]| common(&offered.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
         assert_eq!(choose(&["foxglove.websocket.v1", "foxglove.sdk.v1"]), Some("foxglove.sdk.v1"));
         assert_eq!(choose(&["foxglove.websocket.v1"]), Some("foxglove.websocket.v1"));

@@ -1,4 +1,4 @@
-//! What the page draws over the map, as Foxglove's 3D panel draws it.
+//! The scene that the page draws over the map, for the 3D panel of Foxglove.
 
 use drivelog::{Format, foxglove_format, timestamp};
 use foxglove::messages::line_primitive::Type;
@@ -8,62 +8,64 @@ use foxglove::messages::{
 use prost::Message;
 use std::f64::consts::TAU;
 
-use crate::scene::{Beam, Moving, Region, SceneView};
+use crate::scene::{Region, SceneView, SonarCone, WalkerView};
 
 /// The topic of the scene.
 pub(super) const TOPIC: &str = "viewer/scene";
-/// The page's colours, 0 to 255.
-const BEAM: [u8; 3] = [217, 150, 10];
-const MOVER: [u8; 3] = [192, 38, 211];
+/// Colours, as on the page.
+const CONE: [u8; 3] = [217, 150, 10];
+const WALKER: [u8; 3] = [192, 38, 211];
 const REGION: [u8; 3] = [124, 58, 237];
 const WITHHELD: [u8; 3] = [217, 45, 32];
-const PERSON: [u8; 3] = [14, 147, 132];
-/// How tall somebody who walks is shown, m.
+const TRUE_WALKER: [u8; 3] = [14, 147, 132];
+/// Height of a walker, m.
 const HEIGHT_M: f64 = 1.7;
-/// How wide somebody whom only the simulator knows is shown, m.
-const PERSON_RADIUS_M: f64 = 0.2;
-/// Size of an echo that was left out, m.
+/// Radius of a true walker, m.
+const TRUE_WALKER_RADIUS_M: f64 = 0.2;
+/// Diameter of a withheld echo, m.
 const ECHO_M: f64 = 0.08;
-/// Corners of what is drawn as a circle.
+/// Corners of a circle.
 const CORNERS: u32 = 24;
 
-/// What the channel says: it is a `foxglove.SceneUpdate`.
+/// The format of the channel, `foxglove.SceneUpdate`.
 pub(super) fn format() -> Format {
     foxglove_format::<SceneUpdate>()
 }
 
 /// The scene at this time; it supersedes the one before.
 pub(super) fn encode(scene: &SceneView, stamp_ns: u64) -> Vec<u8> {
-    let SceneView { beams, movers, stirs, regions, withheld, people, .. } = scene;
-    let people = people.iter().map(|[x, y]| pillar(Region { x: *x, y: *y, radius: PERSON_RADIUS_M }, PERSON));
-    let circles = regions.iter().map(|it| circle(it, REGION)).chain(stirs.iter().map(|it| circle(it, BEAM)));
+    let SceneView { cones, walkers, sonar_movers, regions, withheld, true_walkers, .. } = scene;
+    let true_walkers = true_walkers.iter().map(|[x, y]| pillar(Region { x: *x, y: *y, radius: TRUE_WALKER_RADIUS_M }, TRUE_WALKER));
+    let circles = regions.iter().map(|it| circle(it, REGION)).chain(sonar_movers.iter().map(|it| circle(it, CONE)));
     let entity = SceneEntity {
         timestamp: Some(timestamp(stamp_ns)),
         frame_id: "map".to_owned(),
         id: "scene".to_owned(),
-        cylinders: movers.iter().map(|mover| pillar(mover.region, MOVER)).chain(people).collect(),
-        texts: movers.iter().map(name).collect(),
-        lines: [rays(beams), velocities(movers)].into_iter().chain(circles).collect(),
+        cylinders: walkers.iter().map(|walker| pillar(walker.region, WALKER)).chain(true_walkers).collect(),
+        texts: walkers.iter().map(name).collect(),
+        lines: [rays(cones), velocities(walkers)].into_iter().chain(circles).collect(),
         spheres: withheld.iter().map(|[x, y]| echo(*x, *y)).collect(),
         ..SceneEntity::default()
     };
     Message::encode_to_vec(&SceneUpdate { deletions: Vec::new(), entities: vec![entity] })
 }
 
-/// Each reading along its axis, as far as it went.
-fn rays(beams: &[Beam]) -> LinePrimitive {
-    let ends = |beam: &Beam| [point(beam.x, beam.y), point(beam.x + beam.range * beam.yaw.cos(), beam.y + beam.range * beam.yaw.sin())];
-    let shade = |beam: &Beam| colour(BEAM, if beam.echo { 1.0 } else { 0.2 });
+/// The axis of each cone, up to its range.
+fn rays(cones: &[SonarCone]) -> LinePrimitive {
+    let ends =
+        |cone: &SonarCone| [point(cone.x, cone.y), point(cone.x + cone.range * cone.yaw.cos(), cone.y + cone.range * cone.yaw.sin())];
+    let shade = |cone: &SonarCone| colour(CONE, if cone.echo { 1.0 } else { 0.2 });
     LinePrimitive {
-        colors: beams.iter().flat_map(|beam| [shade(beam), shade(beam)]).collect(),
-        ..segments(beams.iter().flat_map(ends), BEAM)
+        colors: cones.iter().flat_map(|cone| [shade(cone), shade(cone)]).collect(),
+        ..segments(cones.iter().flat_map(ends), CONE)
     }
 }
 
-/// Where each will be in a second.
-fn velocities(movers: &[Moving]) -> LinePrimitive {
-    let ends = |mover: &Moving| [point(mover.region.x, mover.region.y), point(mover.region.x + mover.vx, mover.region.y + mover.vy)];
-    segments(movers.iter().flat_map(ends), MOVER)
+/// The displacement of each walker in a second.
+fn velocities(walkers: &[WalkerView]) -> LinePrimitive {
+    let ends =
+        |walker: &WalkerView| [point(walker.region.x, walker.region.y), point(walker.region.x + walker.vx, walker.region.y + walker.vy)];
+    segments(walkers.iter().flat_map(ends), WALKER)
 }
 
 fn segments(points: impl Iterator<Item = Point3>, rgb: [u8; 3]) -> LinePrimitive {
@@ -93,14 +95,14 @@ fn pillar(region: Region, rgb: [u8; 3]) -> CylinderPrimitive {
     CylinderPrimitive { pose, size: Some(size), bottom_scale: 1.0, top_scale: 1.0, color: Some(colour(rgb, 0.6)) }
 }
 
-fn name(mover: &Moving) -> TextPrimitive {
+fn name(walker: &WalkerView) -> TextPrimitive {
     TextPrimitive {
-        pose: Some(place(mover.region.x, mover.region.y, HEIGHT_M + 0.2)),
+        pose: Some(place(walker.region.x, walker.region.y, HEIGHT_M + 0.2)),
         billboard: true,
         font_size: 16.0,
         scale_invariant: true,
-        color: Some(colour(MOVER, 1.0)),
-        text: mover.name.clone(),
+        color: Some(colour(WALKER, 1.0)),
+        text: walker.name.clone(),
     }
 }
 
@@ -130,7 +132,7 @@ mod tests {
     use messages::{TrackedWalker, Walkers};
 
     #[test]
-    fn who_walks_stands_where_he_is_with_his_name_and_his_way_of_a_second() {
+    fn a_walker_is_drawn_with_name_and_velocity() {
         let mut scene = Scene::new(0.05, None);
         let walker = TrackedWalker { x_m: 2.0, y_m: -1.0, velocity_x_m_s: 0.5, track: 3, ..TrackedWalker::default() };
         let mut walkers = Walkers { count: 1, ..Walkers::default() };
@@ -140,8 +142,8 @@ mod tests {
         let [entity] = &update.entities[..] else { panic!("one entity") };
         let at = entity.cylinders[0].pose.as_ref().unwrap().position.unwrap();
         assert_eq!((at.x, at.y, entity.texts[0].text.as_str(), entity.cylinders.len()), (2.0, -1.0, "C", 1));
-        let way: Vec<[f64; 2]> = entity.lines[1].points.iter().map(|point| [point.x, point.y]).collect();
-        assert_eq!(way, [[2.0, -1.0], [2.5, -1.0]]);
+        let velocity: Vec<[f64; 2]> = entity.lines[1].points.iter().map(|point| [point.x, point.y]).collect();
+        assert_eq!(velocity, [[2.0, -1.0], [2.5, -1.0]]);
         assert!(entity.lines[0].points.is_empty() && entity.spheres.is_empty());
     }
 }
