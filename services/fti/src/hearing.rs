@@ -5,8 +5,8 @@ use messages::{Mover, Pose};
 use nalgebra::{Matrix2, Vector2};
 use tracking::Motion;
 
-use crate::Parameters;
 use crate::observe::ECHO_GATE;
+use crate::parameters::Parameters;
 use crate::track::{Anchor, Origin, Track};
 use crate::tracks::{COAST_NS, MAX_TRACKS, SPEED_SD_M_S, Tracks, UNSEEN_NS, in_view};
 

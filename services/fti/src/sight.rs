@@ -2,8 +2,8 @@
 
 use messages::{Blob, CameraMotion};
 
+use crate::parameters::{Camera, Cue, Parameters};
 use crate::tables::Seen;
-use crate::{Camera, Cue, Parameters};
 
 /// From the front of a body, where its feet are seen, to its middle, m.
 const FEET_TO_MIDDLE_M: f64 = 0.12;

@@ -8,11 +8,12 @@ use messages::Pose;
 use serde::{Deserialize, Serialize, Serializer};
 
 use crate::dwell::Runs;
+use crate::parameters::{Parameters, ParametersError};
 use crate::pending::PendingScan;
+use crate::step::Fti;
 use crate::still::{Evidence, Still};
 use crate::streams::Streams;
 use crate::tracks::Tracks;
-use crate::{Fti, Parameters, ParametersError};
 
 /// Changes whenever the bytes mean something else.
 const VERSION: u32 = 5;

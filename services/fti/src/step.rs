@@ -14,6 +14,7 @@ use tracking::Motion;
 use crate::arc::Arc;
 use crate::dwell::Runs;
 use crate::hearing::Heard;
+use crate::parameters::{Action, Camera, Parameters, ParametersError, Rule};
 use crate::pending::{PendingReading, PendingScan};
 use crate::region::update_regions;
 use crate::sight::View;
@@ -23,7 +24,6 @@ use crate::streams::{Frame, Input, Streams, Waiting};
 use crate::tables::{Integration, Ranges, Seen};
 use crate::tracks::{Tracks, in_view};
 use crate::verdict::{passer_by, presences, walker, weight};
-use crate::{Action, Camera, Parameters, ParametersError, Rule};
 
 /// Radius of the floor that the robot itself takes, m.
 const ROBOT_RADIUS_M: f64 = 0.2;

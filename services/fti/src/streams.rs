@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use messages::{CameraMotion, SonarMotion, SonarScan};
 use serde::{Deserialize, Serialize};
 
-use crate::Patience;
+use crate::parameters::Patience;
 use crate::raw;
 
 /// What FTI is told.

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use tracking::Motion;
 
-use crate::Camera;
+use crate::parameters::Camera;
 use crate::sight::{Estimate, Sight, View};
 use crate::track::{Origin, Track};
 

@@ -2,9 +2,9 @@
 
 use fuzzy::Partition;
 
+use crate::parameters::{Parameters, ParametersError};
 use crate::step::ranges;
 use crate::tables::evenly;
-use crate::{Parameters, ParametersError};
 
 /// Words of a variable that counts from 0.
 const MAGNITUDES: [&str; 5] = ["VS", "S", "M", "L", "VL"];

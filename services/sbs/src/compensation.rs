@@ -2,11 +2,12 @@
 
 use crate::agreement::{Agreement, agreement};
 use crate::direct;
+use crate::frames::Frames;
 use crate::icp;
 use crate::order;
 use crate::parameters::{Method, Parameters};
 use crate::plane::Plane;
-use crate::pyramid::{LEVELS, Pyramid};
+use crate::pyramid::LEVELS;
 use crate::samples::strongest;
 use crate::transform::Transform;
 
@@ -36,16 +37,6 @@ impl Found {
         let sigma = self.agreement.sigma.times(factor * factor);
         Self { transform: self.transform.scaled(factor).unwrap_or(self.transform), agreement: Agreement { sigma, ..self.agreement } }
     }
-}
-
-/// The frames between which motion is sought, both as base pyramids.
-pub(crate) struct Frames<'a> {
-    pub(crate) current: &'a Pyramid,
-    pub(crate) previous: &'a Pyramid,
-    /// Pixels that take no part.
-    pub(crate) moving: &'a Plane<u8>,
-    /// Brightness of the current frame over the previous one.
-    pub(crate) gain: f32,
 }
 
 /// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be believed.

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector};
 use wide::f32x8;
 
-use crate::compensation::Frames;
+use crate::frames::Frames;
 use crate::order;
 use crate::plane::Plane;
 use crate::pyramid::LEVELS;

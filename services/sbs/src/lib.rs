@@ -32,6 +32,7 @@ mod corners;
 mod direct;
 pub mod estimation;
 pub mod field;
+mod frames;
 mod icp;
 mod learning;
 mod local;

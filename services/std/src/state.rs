@@ -5,10 +5,11 @@ use std::collections::VecDeque;
 use geometry::{Cell, Lattice, TILE_CELLS, TileKey};
 use serde::{Deserialize, Serialize};
 
+use crate::parameters::{Parameters, ParametersError};
 use crate::seen_free::SeenFree;
+use crate::step::Std;
 use crate::tracks::Tracks;
 use crate::tvm::TimeVariantMap;
-use crate::{Parameters, ParametersError, Std};
 
 /// Changes whenever the bytes mean something else.
 const VERSION: u32 = 1;

@@ -6,10 +6,10 @@ use messages::{MAX_MOVERS, Mover, Payload, Pose, SonarMotion, SonarScan};
 use nalgebra::Vector2;
 
 use crate::classes::{Class, classes};
+use crate::parameters::{Parameters, ParametersError, Rule};
 use crate::seen_free::SeenFree;
-use crate::tracks::{Tracked, Tracks};
+use crate::tracks::{Track, Tracked, Tracks};
 use crate::tvm::{TimeVariantMap, tag};
-use crate::{Parameters, ParametersError, Rule, Track};
 
 /// Sonar temporal difference over a stream of scans.
 #[derive(Debug, Clone)]

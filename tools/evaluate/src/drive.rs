@@ -1,23 +1,11 @@
 //! A drive through a simulated world, recorded: what every sense said, and the truth behind it.
 
-use messages::{CameraMotion, SonarReading, SonarScan, TruthScan};
+use messages::{CameraMotion, SonarReading, SonarScan};
 use simulator::blobs::{Blobs, Failings};
 use simulator::{Body, Optics, Simulation, World};
 
+use crate::scan::Scan;
 use crate::truth::Truth;
-
-/// A scan and the truth behind it.
-#[derive(Debug, Clone)]
-pub struct Scan {
-    /// From 1.
-    pub seq: u64,
-    /// Since the start of the drive.
-    pub stamp_ns: u64,
-    /// What the robot says.
-    pub scan: SonarScan,
-    /// What its readings came from.
-    pub truth: TruthScan,
-}
 
 /// What moves in a frame of the camera.
 #[derive(Debug, Clone)]

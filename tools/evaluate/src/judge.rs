@@ -4,8 +4,9 @@ use mapping::{CommitRule, Mapper};
 use messages::{EchoLabel, FilterVerdict, Layer, SonarMotion};
 use stillmap_std::Std;
 
-use crate::drive::{Drive, Scan};
+use crate::drive::Drive;
 use crate::occupancy::Occupancy;
+use crate::scan::Scan;
 
 /// The algorithms as they are to be run.
 #[derive(Debug, Clone, Default)]

@@ -8,15 +8,17 @@ mod drive;
 mod judge;
 mod occupancy;
 mod recorded;
+mod scan;
 mod score;
 mod trial;
 mod truth;
 mod variation;
 
-pub use drive::{Drive, Eyes, Frame, Scan};
+pub use drive::{Drive, Eyes, Frame};
 pub use judge::{Chain, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
 pub use occupancy::Occupancy;
 pub use recorded::{NoTruth, Numbered, Recorded};
+pub use scan::Scan;
 pub use score::{Detection, Labels, Score, Tally, track_errors_m};
 pub use trial::{Trial, reference};
 pub use truth::Truth;

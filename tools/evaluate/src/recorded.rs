@@ -2,8 +2,9 @@
 
 use messages::{FilterVerdict, SonarMotion, SonarScan, TrueReading, TruthScan, TruthSurfaces, Walkers};
 
-use crate::drive::{Drive, Scan};
+use crate::drive::Drive;
 use crate::judge::Outcome;
+use crate::scan::Scan;
 use crate::truth::Truth;
 
 /// A scan is one of so many packets after the one of the scan before: more are never lost at once.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use geometry::{Cell, CellSize};
 use messages::{Pose, TruthSurfaces};
 
-use crate::drive::Scan;
+use crate::scan::Scan;
 
 /// Surfaces and ways are looked at this finely, m.
 const STEP_M: f64 = 0.02;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use messages::{Layer, MapTile, WayChunk};
 
-use crate::Mapper;
+use crate::mapper::Mapper;
 
 use super::comparison::side_by_side;
 use super::picture::picture;
