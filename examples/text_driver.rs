@@ -1,12 +1,12 @@
-//! A driver of one's own: publishes `robot/scan` from a text file, one scan a line. A line is: time in s; x, y (m) and yaw (rad)
-//! of the robot; then for each reading x, y (m) and heading (rad) of its sonar on the robot, and the range in m.
+//! A driver in another program: publishes `robot/scan` from a text file with one scan per line. A line holds the time in s; x, y (m)
+//! and yaw (rad) of the robot; then for each reading x, y (m) and heading (rad) of its sonar on the robot, and the range in m.
 
 use messages::{Pose, SonarReading, SonarScan};
 use runtime::{Context, Next, Shell};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = std::fs::read_to_string(std::env::args().nth(1).ok_or("expected the name of a text file")?)?;
-    // Scans are numbered from 1; after a restart they come again with their numbers: whoever had them drops them.
+    // Scans are numbered from 1. After a restart they are published again with the same numbers: readers drop those they have received.
     let mut lines = (1..).zip(text.lines());
     let (mut last_seq, mut last_ns) = (0, 0);
     let mut shell = Shell::from_env()?;

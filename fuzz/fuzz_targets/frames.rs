@@ -1,4 +1,4 @@
-//! Frames of any header, time, pose and content: each is answered with a valid message, and time only goes on.
+//! Frames of any header, stamp, pose and content: each is answered by a valid message, and stamps only increase.
 #![no_main]
 
 use libfuzzer_sys::arbitrary::{self, Arbitrary};
@@ -6,16 +6,16 @@ use libfuzzer_sys::fuzz_target;
 use messages::{CameraStatus, FrameLayout, Payload};
 use sbs::{Frame, Method, Odometry, Parameters, State};
 
-/// A frame made of few numbers.
+/// A frame described by a few numbers.
 #[derive(Debug, Arbitrary)]
 struct Picture {
-    /// Added to the stamp before, or the stamp itself.
+    /// Added to the previous stamp, or the stamp itself.
     time_ns: u64,
     absolute: bool,
     /// Above the smallest size.
     wider: u8,
     higher: u8,
-    /// Header and bytes as they belong together, or as these say.
+    /// Whether header and bytes agree, or are set by these.
     honest: bool,
     format: u32,
     stride: u16,
@@ -87,7 +87,7 @@ fuzz_target!(|input: Input| {
         let mask = state.mask().unwrap();
         assert_eq!((mask.width() as u32, mask.height() as u32), (layout.width, layout.height));
     }
-    // What was saved goes on as if nothing had happened.
+    // A restored state answers as the saved one does.
     let bytes = state.save();
     assert!(State::restore(parameters, &bytes).unwrap().save() == bytes);
 });

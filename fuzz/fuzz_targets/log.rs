@@ -1,4 +1,4 @@
-//! A log, damaged: read as far as it can be; what is recovered from it is whole. A log of another kind: imported or refused.
+//! A damaged log is read as far as possible, and what is recovered from it is intact. A log of another format is imported or rejected.
 #![no_main]
 
 mod common;
@@ -75,7 +75,7 @@ fn with_content(content: &[u8]) -> Vec<u8> {
     log
 }
 
-/// A folder of this process.
+/// A folder for this process alone.
 fn folder() -> PathBuf {
     static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
         let folder = std::env::temp_dir().join(format!("stillmap-fuzz-{}", std::process::id()));
@@ -85,7 +85,7 @@ fn folder() -> PathBuf {
     FOLDER.clone()
 }
 
-/// Takes what there is until the end; an error is passed over.
+/// Reads to the end and ignores errors.
 fn to_the_end<T>(mut next: impl FnMut() -> Result<Option<T>, LogError>) {
     while !matches!(next(), Ok(None)) {}
 }
@@ -105,7 +105,7 @@ fn read(path: &Path) {
     });
 }
 
-/// As whatever a log holds: what is no such message is refused.
+/// Reads the bytes as each type of message: those of another type are rejected.
 fn decode(data: &[u8]) {
     fn one<T: Logged>(data: &[u8]) -> bool {
         T::decode(data).is_ok_and(|(_, payload)| payload.validate().is_ok())
@@ -115,7 +115,7 @@ fn decode(data: &[u8]) {
     let _ = one::<MapSummary>(data) | one::<Heartbeat>(data) | one::<LogLine>(data);
 }
 
-/// The new log holds what could be read of the old one, and nothing is wrong with it.
+/// The new log holds the readable part of the old one and has no damage.
 fn recover(from: &Path) {
     let to = from.with_file_name("whole.mcap");
     let _ = fs::remove_file(&to);

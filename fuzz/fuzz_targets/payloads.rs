@@ -1,4 +1,4 @@
-//! Any messages in any order: what passes its check is taken by the services, and what they say is valid.
+//! Messages of any content in any order: the services accept those that pass validation, and their outputs are valid.
 #![no_main]
 
 mod common;
@@ -8,14 +8,14 @@ use messages::{
     Blob, CameraMotion, FilterVerdict, Layer, Mover, OutlookScan, Payload, SonarMotion, SonarScan, UpdateRegion, VerdictOutlook,
 };
 
-/// A message of the input: what it is, how far it is behind the one before in number and time, which of its changes are of four
-/// bytes instead of eight, and three changes: place and bytes.
+/// One message of the input: its type, its distance from the previous one in number and time, which of its changes are four bytes
+/// instead of eight, and three changes of an offset and bytes.
 const MESSAGE: usize = 4 + 3 * CHANGE;
 const CHANGE: usize = 9;
-/// Most messages that are taken.
+/// Limit of messages per input.
 const MOST: usize = 100;
 
-/// A sound payload with other numbers in it, if it passes its check.
+/// A valid payload with changed bytes, if it passes validation.
 fn changed<T: Payload>(mut payload: T, short: u8, changes: &[u8]) -> Option<T> {
     let bytes = bytemuck::bytes_of_mut(&mut payload);
     for (number, [place, value @ ..]) in changes.as_chunks::<CHANGE>().0.iter().enumerate() {
@@ -64,7 +64,7 @@ fuzz_target!(|bytes: &[u8]| {
     let (mut seq, mut stamp_ns) = (0_u64, 0_u64);
     let mut verdicts = Vec::new();
     for ([kind, number, time, short, changes @ ..], scan) in bytes.as_chunks::<MESSAGE>().0.iter().zip(scans.iter().cycle()).take(MOST) {
-        // Numbers and times go on by one and 0.1 s, jump, or stay.
+        // Numbers and stamps increase by 1 and 0.1 s, jump, or repeat.
         seq = seq.saturating_add(if number & 0x80 == 0 { u64::from(number % 3) } else { 1_u64 << (number % 64) });
         stamp_ns = stamp_ns.saturating_add(if time & 0x80 == 0 { u64::from(time % 64) * 10_000_000 } else { 1_u64 << (time % 64) });
         match kind % 6 {

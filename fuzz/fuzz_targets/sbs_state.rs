@@ -1,4 +1,4 @@
-//! Any bytes as a saved state of SBS: refused, or a state that takes the next frame.
+//! A damaged state of SBS: rejected, or restored and able to process the next frame.
 #![no_main]
 
 use std::sync::LazyLock;
@@ -25,7 +25,7 @@ static SOUND: LazyLock<Vec<u8>> = LazyLock::new(|| {
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((how, bytes)) = bytes.split_first() else { return };
-    // A saved state is long: the input says where a good one is changed, and to what, by one byte or as a number of four.
+    // A saved state is long: the input selects the offset and the new value in a valid one, of one byte or four.
     let mut saved = if how & 0x80 == 0 { SOUND.clone() } else { bytes.to_vec() };
     if how & 0x80 == 0 {
         for change in bytes.as_chunks::<8>().0 {

@@ -1,4 +1,4 @@
-//! What a robot says, damaged: the session goes on, and its scans are valid and in order.
+//! Damaged bytes from a robot: the session continues, and its scans are valid and in order.
 #![no_main]
 
 mod common;
@@ -13,7 +13,7 @@ const RECORDED: [&[u8]; 3] = [
     include_bytes!("../../tests/data/pioneer/aria291-wander_mobilesim-pion1x.s2c.bin"),
 ];
 
-/// Bytes that come as packets with their checksum: a length, and so many bytes of data.
+/// Splits the bytes into packets with valid checksums: each is a length and as many bytes of data.
 fn packets(mut bytes: &[u8]) -> Vec<u8> {
     let mut line = Vec::new();
     while let Some((&length, rest)) = bytes.split_first() {

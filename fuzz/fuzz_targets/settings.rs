@@ -1,4 +1,4 @@
-//! Settings and worlds, damaged: refused in one line, or read back as they are written.
+//! Damaged settings and worlds: rejected with one line, or written and read again as the same.
 #![no_main]
 
 mod common;

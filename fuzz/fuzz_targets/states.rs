@@ -1,4 +1,4 @@
-//! The state in a checkpoint, damaged in its head or in a tile: refused, or a state that goes on.
+//! A checkpoint with a damaged head or tile: rejected, or restored and able to process the next scans.
 #![no_main]
 
 mod common;
@@ -14,7 +14,7 @@ use stillmap_std::Std;
 /// Head and tiles of a state.
 type Parts = (Vec<u8>, Vec<([i32; 3], Vec<u8>)>);
 
-/// The states of mapping, STD and FTI after a drive; that of STD is a head alone.
+/// The states of mapping, STD and FTI after a drive. STD has a head only.
 static SOUND: LazyLock<[Parts; 3]> = LazyLock::new(|| {
     let mut services = common::services();
     common::drive(&mut services, &common::scans());

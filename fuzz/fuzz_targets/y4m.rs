@@ -1,4 +1,4 @@
-//! Any bytes as a Y4M: each frame is as large as the header says, and no more is read than there is.
+//! Any bytes as a Y4M file: each frame has the size that the header states, and the reader stops at the end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Sound input, and what becomes of it.
+//! Valid inputs, and the services that process them.
 #![allow(dead_code, reason = "each target uses its part")]
 
 use std::sync::LazyLock;
@@ -12,11 +12,10 @@ use stillmap_std::Std;
 /// The settings that the targets run with.
 pub const DEMO: &str = include_str!("../../../config/demo.toml");
 
-/// As they are read.
+/// The same, parsed.
 pub static SETTINGS: LazyLock<Settings> = LazyLock::new(|| Settings::parse("demo.toml", DEMO).unwrap());
 
-/// Six bytes of the input are one change each: where, how long, what. What is left of a sound input reaches further into what
-/// reads it than chance would.
+/// Applies changes of six bytes each: kind, offset, length, value. A mostly valid input reaches deeper into a parser than random bytes.
 pub fn changed(sound: &[u8], changes: &[u8]) -> Vec<u8> {
     let mut changed = sound.to_vec();
     for [kind, a, b, c, length, value] in changes.as_chunks::<6>().0 {
@@ -38,7 +37,7 @@ pub fn changed(sound: &[u8], changes: &[u8]) -> Vec<u8> {
     changed
 }
 
-/// A drive past a wall, in which something comes and goes.
+/// A drive past a wall with an object that appears and disappears.
 pub fn scans() -> Vec<SonarScan> {
     let range_m = |step: u32, sonar: u32| if step / 9 % 2 == 1 && sonar == 3 { 0.7 } else { 1.0 + f64::from(sonar) * 0.2 };
     let reading = |step: u32, sonar: u32| SonarReading {
@@ -51,7 +50,7 @@ pub fn scans() -> Vec<SonarScan> {
     (0..60).map(|step| SonarScan::new(pose(step), &[reading(step, 3), reading(step, step % 7)], false)).collect()
 }
 
-/// Both layers, and a verdict on every scan: all that a state can hold.
+/// Both map layers and a verdict on every scan, so that a state holds everything it can.
 pub fn mapper_parameters() -> mapping::Parameters {
     mapping::Parameters { commit: mapping::CommitRule::Verdict, keep_unfiltered: true, ..mapping::Parameters::default() }
 }
@@ -63,7 +62,7 @@ pub fn services() -> (Mapper, Std, Fti) {
     (mapper, std, Fti::new(fti::Parameters::default()).unwrap())
 }
 
-/// Takes scans, each answered by STD.
+/// Feeds scans, each with the answer of STD.
 pub fn drive(services: &mut (Mapper, Std, Fti), scans: &[SonarScan]) {
     let (mapper, std, fti) = services;
     let mut verdicts = Vec::new();
