@@ -1,8 +1,9 @@
 //! What goes into a log: the messages, and what is derived from them for people.
 
+use core::any::Any;
 use std::collections::{BTreeMap, VecDeque};
 
-use messages::{FrameLayout, MapTile, Payload, Pictures, SonarScan};
+use messages::{FrameLayout, MapTile, Payload, Pictures, Recorded, SonarScan};
 
 use crate::damage::WriteError;
 use crate::image::Image;
@@ -58,6 +59,25 @@ impl Recording {
         let mut recording = Self { log: LogWriter::new(preamble)?, scene, early: VecDeque::new() };
         layers.into_iter().try_for_each(|layer| recording.show_picture(layer))?;
         Ok(recording)
+    }
+
+    /// Adds a message as the registry declares its service, with what is derived from it for people.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub fn add<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
+        let any: &dyn Any = payload;
+        if let Some(scan) = any.downcast_ref() {
+            return self.scan(seq, stamp_ns, scan);
+        }
+        if let Some(tile) = any.downcast_ref() {
+            return self.tile(seq, stamp_ns, tile);
+        }
+        match T::SERVICE.recorded {
+            Recorded::No => Ok(()),
+            Recorded::AtStamp => self.message(seq, stamp_ns, payload),
+            Recorded::AsReport => self.report(seq, stamp_ns, payload),
+        }
     }
 
     /// Adds a message whose stamp is sensor time.

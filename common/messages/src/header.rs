@@ -18,6 +18,31 @@ plain! {
     }
 }
 
+/// How far a stream has been received, sent or processed: the last message of it.
+///
+/// ```
+/// use stillmap_messages::StreamCursor;
+///
+/// let mut cursor = StreamCursor::default();
+/// cursor.advance(StreamCursor { seq: 7, stamp_ns: 700 });
+/// cursor.advance(StreamCursor { seq: 6, stamp_ns: 600 });
+/// assert_eq!(cursor, StreamCursor { seq: 7, stamp_ns: 700 });
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StreamCursor {
+    /// Its sequence number; 0 before the first message.
+    pub seq: u64,
+    /// Its stamp, ns of sensor time.
+    pub stamp_ns: u64,
+}
+
+impl StreamCursor {
+    /// Moves to a later message; number and stamp never go back.
+    pub fn advance(&mut self, to: Self) {
+        *self = Self { seq: self.seq.max(to.seq), stamp_ns: self.stamp_ns.max(to.stamp_ns) };
+    }
+}
+
 /// What a message is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]

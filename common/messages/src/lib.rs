@@ -26,7 +26,7 @@ mod verdict;
 pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat, TruthMask};
 pub use control::PlaybackControl;
 pub use delivery::{Qos, Replay};
-pub use header::{Header, Kind};
+pub use header::{Header, Kind, StreamCursor};
 pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,
     ProcessStatus, Progress,

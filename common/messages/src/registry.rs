@@ -1,7 +1,8 @@
 //! Every service of the bus, declared once.
 //!
 //! An entry makes its type a [`Payload`] or [`Pictures`]. The domain creates what is declared here; recorder, playback, injector,
-//! viewer, fuzz targets and the table of the wire contract go through this list, so that none of them can forget a service.
+//! viewer and fuzz targets go through this list, so that none of them can forget a service. Numbered streams stand first: a heartbeat
+//! has room for the counters of eight inputs.
 
 use crate::camera::MAX_FRAME_BYTES;
 use crate::delivery::{Qos, Replay};
@@ -145,6 +146,19 @@ services! {
         shown: true,
     }
 
+    /// What the camera sees.
+    pictures CameraFrame (MAX_FRAME_BYTES) {
+        name: "camera/frame",
+        version: 1,
+        qos: Qos::PICTURES,
+        wakes: true,
+        sequenced: true,
+        recorded: Recorded::AtStamp,
+        replay: Some(Replay::FRAMES),
+        injectable: false,
+        shown: true,
+    }
+
     /// What moves, as the sonars see it: the answer of STD to the scan of the same number.
     message SonarMotion {
         name: "motion/sonar",
@@ -171,6 +185,19 @@ services! {
         shown: true,
     }
 
+    /// What FTI decides on the scan of the same number: the readings that are kept out of the map.
+    message FilterVerdict {
+        name: "map/verdict",
+        version: 2,
+        qos: Qos::STREAM,
+        wakes: true,
+        sequenced: true,
+        recorded: Recorded::AtStamp,
+        replay: None,
+        injectable: true,
+        shown: true,
+    }
+
     /// The walkers that FTI tracks at the scan of the same number.
     message Walkers {
         name: "motion/walkers",
@@ -184,17 +211,43 @@ services! {
         shown: true,
     }
 
-    /// What FTI decides on the scan of the same number: the readings that are kept out of the map.
-    message FilterVerdict {
-        name: "map/verdict",
-        version: 2,
+    /// What the simulator knows of the scan of the same number: poses, walkers and the cause of each reading.
+    message TruthScan {
+        name: "truth/scan",
+        version: 1,
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
         recorded: Recorded::AtStamp,
         replay: None,
-        injectable: true,
+        injectable: false,
         shown: true,
+    }
+
+    /// What the simulator knows of the frame of the same number, in the labels of the ChangeDetection benchmark.
+    pictures TruthMask (MAX_FRAME_BYTES / 3) {
+        name: "truth/mask",
+        version: 1,
+        qos: Qos::PICTURES,
+        wakes: true,
+        sequenced: true,
+        recorded: Recorded::AtStamp,
+        replay: None,
+        injectable: false,
+        shown: false,
+    }
+
+    /// The speed that a viewer asks of playback; the newest message holds.
+    message PlaybackControl {
+        name: "control/playback",
+        version: 1,
+        qos: Qos::NEWEST,
+        wakes: true,
+        sequenced: false,
+        recorded: Recorded::AsReport,
+        replay: None,
+        injectable: false,
+        shown: false,
     }
 
     /// What FTI would decide now on the scans without a verdict; the newest message holds.
@@ -301,32 +354,6 @@ services! {
         shown: true,
     }
 
-    /// The speed that a viewer asks of playback; the newest message holds.
-    message PlaybackControl {
-        name: "control/playback",
-        version: 1,
-        qos: Qos::NEWEST,
-        wakes: true,
-        sequenced: false,
-        recorded: Recorded::AsReport,
-        replay: None,
-        injectable: false,
-        shown: false,
-    }
-
-    /// What the simulator knows of the scan of the same number: poses, walkers and the cause of each reading.
-    message TruthScan {
-        name: "truth/scan",
-        version: 1,
-        qos: Qos::STREAM,
-        wakes: true,
-        sequenced: true,
-        recorded: Recorded::AtStamp,
-        replay: None,
-        injectable: false,
-        shown: true,
-    }
-
     /// A piece of the list of the simulated world's surfaces, which has no sensor time.
     message TruthSurfaces {
         name: "truth/surfaces",
@@ -338,19 +365,6 @@ services! {
         replay: None,
         injectable: false,
         shown: false,
-    }
-
-    /// What the camera sees.
-    pictures CameraFrame (MAX_FRAME_BYTES) {
-        name: "camera/frame",
-        version: 1,
-        qos: Qos::PICTURES,
-        wakes: true,
-        sequenced: true,
-        recorded: Recorded::AtStamp,
-        replay: Some(Replay::FRAMES),
-        injectable: false,
-        shown: true,
     }
 
     /// Where SBS sees something move in the frame of the same number: 255 there, 0 elsewhere. Made only while it is read,
@@ -376,19 +390,6 @@ services! {
         wakes: true,
         sequenced: true,
         recorded: Recorded::No,
-        replay: None,
-        injectable: false,
-        shown: false,
-    }
-
-    /// What the simulator knows of the frame of the same number, in the labels of the ChangeDetection benchmark.
-    pictures TruthMask (MAX_FRAME_BYTES / 3) {
-        name: "truth/mask",
-        version: 1,
-        qos: Qos::PICTURES,
-        wakes: true,
-        sequenced: true,
-        recorded: Recorded::AtStamp,
         replay: None,
         injectable: false,
         shown: false,

@@ -1,12 +1,10 @@
-//! The services that are recorded.
+//! The services that are recorded: every one of the registry that is declared so.
 
 use ::recorder::LogBuffer;
 use bus::{BusError, FrameReader, Reader, Received};
-use drivelog::{Logged, Recording, WriteError};
-use messages::{
-    CameraFrame, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile, Payload, Pictures, Progress,
-    SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, Walkers, WayChunk,
-};
+use core::any::Any;
+use drivelog::{LogVisitor, Logged, visit_logged};
+use messages::{CameraFrame, DeploymentStatus, Payload, Pictures, Recorded, SonarScan, StreamCursor};
 use runtime::{Shell, StepError};
 
 /// Most messages taken from one input in one step, so that a flood does not delay the heartbeat.
@@ -14,188 +12,203 @@ const MOST_AT_ONCE: usize = 256;
 /// Most pictures taken in one step: recording one takes up to 2 ms.
 const MOST_PICTURES_AT_ONCE: usize = 16;
 
-/// The inputs of the recorder.
-pub(super) struct Inputs {
-    statuses: Input<DeploymentStatus>,
-    scans: Input<SonarScan>,
-    /// `None` when pictures are not recorded.
-    frames: Option<PictureInput<CameraFrame>>,
-    masks: Option<PictureInput<TruthMask>>,
-    motions: Input<SonarMotion>,
-    camera_motions: Input<CameraMotion>,
-    verdicts: Input<FilterVerdict>,
-    walkers: Input<Walkers>,
-    tiles: Input<MapTile>,
-    path: Input<WayChunk>,
-    summaries: Input<MapSummary>,
-    truth: Input<TruthScan>,
-    surfaces: Input<TruthSurfaces>,
-    heartbeats: Input<Heartbeat>,
-    progress: Input<Progress>,
-    lines: Input<LogLine>,
-}
+/// The inputs of the recorder, the statuses first.
+pub(super) struct Inputs(Vec<Box<dyn Input>>);
 
-/// What one step has taken.
+/// What a round of taking found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// More messages may wait.
+    /// There may be more.
     pub(super) more: bool,
-    /// Number of scans.
+    /// Scans among it.
     pub(super) scans: u64,
-    /// Number of camera frames.
+    /// Camera frames among it.
     pub(super) frames: u64,
 }
 
 impl Inputs {
     pub(super) fn open(shell: &mut Shell, pictures: bool) -> Result<Self, BusError> {
-        Ok(Self {
-            statuses: Input::open(shell)?,
-            scans: Input::open(shell)?,
-            frames: if pictures { Some(PictureInput::open(shell)?) } else { None },
-            masks: if pictures { Some(PictureInput::open(shell)?) } else { None },
-            motions: Input::open(shell)?,
-            camera_motions: Input::open(shell)?,
-            verdicts: Input::open(shell)?,
-            walkers: Input::open(shell)?,
-            tiles: Input::open(shell)?,
-            path: Input::open(shell)?,
-            summaries: Input::open(shell)?,
-            truth: Input::open(shell)?,
-            surfaces: Input::open(shell)?,
-            heartbeats: Input::open(shell)?,
-            progress: Input::open(shell)?,
-            lines: Input::open(shell)?,
-        })
+        let mut opening = Opening { shell, pictures, inputs: Vec::new() };
+        visit_logged(&mut opening)?;
+        let mut inputs = opening.inputs;
+        // What a process sent before it was over waits already when the status reports that it is.
+        inputs.sort_by_key(|input| input.service() != DeploymentStatus::SERVICE.name);
+        Ok(Self(inputs))
     }
 
-    /// Takes what waits, up to a limit for each input. Statuses come first and are passed to `look`: when a status says that a process
-    /// is over, everything that the process sent waits already.
-    pub(super) fn take(&mut self, buffer: &mut LogBuffer, look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
-        let before = (self.scans.cursor.taken, self.frames.as_ref().map_or(0, |frames| frames.cursor.taken));
-        let more = self.statuses.drain(buffer, Recording::report, look)?
-            | self.scans.drain(buffer, Recording::scan, |_| ())?
-            | self.frames.as_mut().map_or(Ok(false), |frames| frames.drain(buffer))?
-            | self.masks.as_mut().map_or(Ok(false), |masks| masks.drain(buffer))?
-            | self.motions.drain(buffer, Recording::message, |_| ())?
-            | self.camera_motions.drain(buffer, Recording::message, |_| ())?
-            | self.verdicts.drain(buffer, Recording::message, |_| ())?
-            | self.walkers.drain(buffer, Recording::message, |_| ())?
-            | self.tiles.drain(buffer, Recording::tile, |_| ())?
-            | self.path.drain(buffer, Recording::message, |_| ())?
-            | self.summaries.drain(buffer, Recording::message, |_| ())?
-            | self.truth.drain(buffer, Recording::message, |_| ())?
-            | self.surfaces.drain(buffer, Recording::report, |_| ())?
-            | self.heartbeats.drain(buffer, Recording::report, |_| ())?
-            | self.progress.drain(buffer, Recording::report, |_| ())?
-            | self.lines.drain(buffer, Recording::report, |_| ())?;
-        let frames = self.frames.as_ref().map_or(0, |frames| frames.cursor.taken);
-        Ok(Taken { more, scans: self.scans.cursor.taken - before.0, frames: frames - before.1 })
+    /// Takes what waits, up to a limit for each input; `look` sees the statuses.
+    pub(super) fn take(&mut self, buffer: &mut LogBuffer, mut look: impl FnMut(&DeploymentStatus)) -> Result<Taken, StepError> {
+        let before = (self.taken(SonarScan::SERVICE.name), self.taken(CameraFrame::SERVICE.name));
+        let mut more = false;
+        for input in &mut self.0 {
+            more |= input.drain(buffer, &mut look)?;
+        }
+        let (scans, frames) = (self.taken(SonarScan::SERVICE.name), self.taken(CameraFrame::SERVICE.name));
+        Ok(Taken { more, scans: scans - before.0, frames: frames - before.1 })
     }
 
-    /// Skips scans and frames up to these, which are in the log.
+    /// Leaves out scans and frames up to these: they are in the log already.
     pub(super) fn skip_to(&mut self, scan: u64, frame: u64) {
-        self.scans.reader.skip_to(scan, 0);
-        if let Some(frames) = &mut self.frames {
-            frames.reader.skip_to(frame, 0);
+        for input in &mut self.0 {
+            match input.service() {
+                name if name == SonarScan::SERVICE.name => input.skip_to(scan),
+                name if name == CameraFrame::SERVICE.name => input.skip_to(frame),
+                _ => (),
+            }
         }
     }
 
     /// The last scan taken.
     pub(super) fn last_scan(&self) -> u64 {
-        self.scans.cursor.last_seq
+        self.input(SonarScan::SERVICE.name).map_or(0, |scans| scans.progress().last.seq)
     }
 
     /// The last camera frame taken; `None` when frames are not recorded.
     pub(super) fn last_frame(&self) -> Option<u64> {
-        self.frames.as_ref().map(|frames| frames.cursor.last_seq)
+        self.input(CameraFrame::SERVICE.name).map(|frames| frames.progress().last.seq)
+    }
+
+    fn taken(&self, service: &str) -> u64 {
+        self.input(service).map_or(0, |input| input.progress().taken)
+    }
+
+    fn input(&self, service: &str) -> Option<&dyn Input> {
+        self.0.iter().find(|input| input.service() == service).map(|input| &**input)
     }
 }
 
-/// Position in a stream.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Cursor {
-    /// Number of messages taken.
-    taken: u64,
-    /// The last message taken, or the end of the stream.
-    last_seq: u64,
-    /// Stamp of the last message taken.
-    last_stamp_ns: u64,
+/// Opens an input for every service that is recorded.
+struct Opening<'a> {
+    shell: &'a mut Shell,
+    pictures: bool,
+    inputs: Vec<Box<dyn Input>>,
 }
 
-impl Cursor {
+impl LogVisitor for Opening<'_> {
+    type Error = BusError;
+
+    fn message<T: Logged>(&mut self) -> Result<(), BusError> {
+        if T::SERVICE.recorded != Recorded::No {
+            self.inputs.push(Box::new(MessageInput::<T> { reader: self.shell.reader()?, progress: Progress::default() }));
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), BusError> {
+        if P::SERVICE.recorded != Recorded::No && self.pictures {
+            self.inputs.push(Box::new(PictureInput::<P> { reader: self.shell.frame_reader()?, progress: Progress::default() }));
+        }
+        Ok(())
+    }
+}
+
+/// How far an input has been taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Progress {
+    /// Number of messages taken.
+    taken: u64,
+    /// The last message taken; its number may be that of the end of the stream.
+    last: StreamCursor,
+}
+
+impl Progress {
     fn message(&mut self, seq: u64, stamp_ns: u64) {
-        (self.last_seq, self.last_stamp_ns) = (seq, stamp_ns);
+        self.last = StreamCursor { seq, stamp_ns };
         self.taken += 1;
     }
 
     /// Messages before the end that were lost or refused do not come any more.
     fn end(&mut self, seq: u64) {
-        self.last_seq = self.last_seq.max(seq);
+        self.last.seq = self.last.seq.max(seq);
     }
 }
 
-struct Input<T: Payload> {
-    reader: Reader<T>,
-    cursor: Cursor,
-}
-
-impl<T: Logged> Input<T> {
-    fn open(shell: &mut Shell) -> Result<Self, BusError> {
-        Ok(Self { reader: shell.reader()?, cursor: Cursor::default() })
-    }
-
+/// A service that is recorded.
+trait Input {
+    /// Its name.
+    fn service(&self) -> &'static str;
     /// Takes what waits, up to a limit; true when there may be more.
-    fn drain(
-        &mut self,
-        buffer: &mut LogBuffer,
-        add: fn(&mut Recording, u64, u64, &T) -> Result<(), WriteError>,
-        mut look: impl FnMut(&T),
-    ) -> Result<bool, StepError> {
+    fn drain(&mut self, buffer: &mut LogBuffer, look: &mut dyn FnMut(&DeploymentStatus)) -> Result<bool, StepError>;
+    /// Leaves out messages up to this one.
+    fn skip_to(&mut self, seq: u64);
+    /// How far it has been taken.
+    fn progress(&self) -> &Progress;
+}
+
+struct MessageInput<T: Logged> {
+    reader: Reader<T>,
+    progress: Progress,
+}
+
+impl<T: Logged> Input for MessageInput<T> {
+    fn service(&self) -> &'static str {
+        T::SERVICE.name
+    }
+
+    fn drain(&mut self, buffer: &mut LogBuffer, look: &mut dyn FnMut(&DeploymentStatus)) -> Result<bool, StepError> {
         for _ in 0..MOST_AT_ONCE {
             match self.reader.take()? {
                 None => return Ok(false),
                 Some(Received::Message(message)) => {
-                    self.cursor.message(message.seq(), message.stamp_ns());
-                    look(&message);
-                    buffer.record(|recording| add(recording, message.seq(), message.stamp_ns(), &message))?;
+                    self.progress.message(message.seq(), message.stamp_ns());
+                    let payload: &T = &message;
+                    if let Some(status) = (payload as &dyn Any).downcast_ref() {
+                        look(status);
+                    }
+                    buffer.record(|recording| recording.add(message.seq(), message.stamp_ns(), payload))?;
                 }
                 Some(Received::End { seq }) => {
-                    self.cursor.end(seq);
-                    buffer.record(|recording| recording.end::<T>(seq, self.cursor.last_stamp_ns))?;
+                    self.progress.end(seq);
+                    buffer.record(|recording| recording.end::<T>(seq, self.progress.last.stamp_ns))?;
                 }
             }
         }
         Ok(true)
+    }
+
+    fn skip_to(&mut self, seq: u64) {
+        self.reader.skip_to(seq, 0);
+    }
+
+    fn progress(&self) -> &Progress {
+        &self.progress
     }
 }
 
 struct PictureInput<P: Pictures> {
     reader: FrameReader<P>,
-    cursor: Cursor,
+    progress: Progress,
 }
 
-impl<P: Pictures> PictureInput<P> {
-    fn open(shell: &mut Shell) -> Result<Self, BusError> {
-        Ok(Self { reader: shell.frame_reader()?, cursor: Cursor::default() })
+impl<P: Pictures> Input for PictureInput<P> {
+    fn service(&self) -> &'static str {
+        P::SERVICE.name
     }
 
-    /// Takes what waits, up to a limit; true when there may be more.
-    fn drain(&mut self, buffer: &mut LogBuffer) -> Result<bool, StepError> {
+    fn drain(&mut self, buffer: &mut LogBuffer, _: &mut dyn FnMut(&DeploymentStatus)) -> Result<bool, StepError> {
         for _ in 0..MOST_PICTURES_AT_ONCE {
             match self.reader.take()? {
                 None => return Ok(false),
                 Some(Received::Message(frame)) => {
-                    self.cursor.message(frame.seq(), frame.stamp_ns());
+                    self.progress.message(frame.seq(), frame.stamp_ns());
                     let (layout, bytes) = (frame.layout(), frame.bytes());
                     buffer.record(|recording| recording.picture::<P>(frame.seq(), frame.stamp_ns(), &layout, bytes))?;
                 }
                 Some(Received::End { seq }) => {
-                    self.cursor.end(seq);
-                    buffer.record(|recording| recording.end_of_pictures::<P>(seq, self.cursor.last_stamp_ns))?;
+                    self.progress.end(seq);
+                    buffer.record(|recording| recording.end_of_pictures::<P>(seq, self.progress.last.stamp_ns))?;
                 }
             }
         }
         Ok(true)
+    }
+
+    fn skip_to(&mut self, seq: u64) {
+        self.reader.skip_to(seq, 0);
+    }
+
+    fn progress(&self) -> &Progress {
+        &self.progress
     }
 }
 
