@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_speed_is_a_number_that_can_be_meant() {
+    fn a_speed_lies_between_0_01_and_100() {
         assert_eq!(speed("2.5"), Ok(2.5));
         for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
             assert!(speed(wrong).is_err(), "{wrong}");
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_range_of_frames_runs_forwards() {
+    fn a_range_is_ascending() {
         assert_eq!("30..119".parse(), Ok(NumberRange { first: 30, last: 119 }));
         for wrong in ["", "30", "..", "30..", "..119", "119..30", "-1..4", "a..b", "1..2..3"] {
             assert!(wrong.parse::<NumberRange>().is_err(), "{wrong}");

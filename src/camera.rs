@@ -1,4 +1,4 @@
-//! `stillmap camera`: the cameras of this computer, one at a time, before a deployment uses them.
+//! `stillmap camera`: lists the cameras of this computer and takes pictures with them.
 
 use crate::exit::BadInput;
 use crate::output;
@@ -36,17 +36,17 @@ pub(crate) enum CameraCommand {
     },
 }
 
-/// Pictures a second that a snapshot asks for.
+/// Frame rate that a snapshot requests, Hz.
 const RATE_HZ: f64 = 15.0;
 
-/// Sizes of a format that are listed.
+/// Most sizes that are listed for a format.
 const MOST_SIZES: usize = 12;
 
-/// Carries out one of the commands.
+/// Carries out a `camera` command.
 pub(crate) fn camera(command: &CameraCommand) -> anyhow::Result<()> {
     match command {
         CameraCommand::List { device: Some(device), input } => {
-            output::write(&told(device, &camera::offer(device, *input).map_err(|trouble| blamed(device, &trouble))?))?;
+            output::write(&describe(device, &camera::offer(device, *input).map_err(|trouble| bad_device(device, &trouble))?))?;
         }
         CameraCommand::List { device: None, .. } => list()?,
         CameraCommand::Snapshot { device, out, size, input } => snapshot(device, out, *size, *input)?,
@@ -54,78 +54,79 @@ pub(crate) fn camera(command: &CameraCommand) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tells of every camera; what stands in the way of one does not hide the others.
+/// Lists every camera. An error of one does not hide the others.
 fn list() -> anyhow::Result<()> {
     let devices = camera::devices()?;
     let mut cameras = 0;
     for device in &devices {
         match camera::offer(device, None) {
-            Ok(offer) => output::write(&told(device, &offer))?,
-            // Cameras have such nodes beside the one that gives pictures.
+            Ok(offer) => output::write(&describe(device, &offer))?,
+            // A camera may have such nodes beside the one that delivers pictures.
             Err(Trouble::NotACamera) => continue,
             Err(trouble) => output::line(&format!("{}: {trouble}", device.display()))?,
         }
         cameras += 1;
     }
     match cameras {
-        0 if devices.is_empty() => Err(BadInput("no camera: there is no /dev/video*; is it plugged in?".to_owned()).into()),
-        0 => Err(BadInput(format!("no camera: none of the {} video devices gives pictures", devices.len())).into()),
+        0 if devices.is_empty() => Err(BadInput("no camera: there is no /dev/video*. Is it plugged in?".to_owned()).into()),
+        0 => Err(BadInput(format!("no camera: none of the {} video devices delivers pictures", devices.len())).into()),
         _ => Ok(()),
     }
 }
 
 fn snapshot(device: &Path, out: &PathBuf, size: (u32, u32), input: Option<u32>) -> anyhow::Result<()> {
     let wish = Wish { size, rate_hz: RATE_HZ, codings: Coding::ALL.to_vec(), input, held: Held::default() };
-    let Snapshot { given, luminance } = camera::snapshot(device, &wish).map_err(|error| blamed(device, &error))?;
+    let Snapshot { given, luminance } = camera::snapshot(device, &wish).map_err(|error| bad_device(device, &error))?;
     let (width, height) = (given.shape.width(), given.shape.height());
     // The camera writes as many bytes as the picture has pixels.
-    let picture = GrayImage::from_raw(width, height, luminance).ok_or_else(|| anyhow::anyhow!("a picture of another size came"))?;
+    let picture =
+        GrayImage::from_raw(width, height, luminance).ok_or_else(|| anyhow::anyhow!("the camera delivered a picture of another size"))?;
     picture
         .save_with_format(out, ImageFormat::Png)
         .map_err(|error| BadInput(format!("{}: the picture cannot be written: {error}", out.display())))?;
     let (card, coding) = (given.identity.card, given.shape.coding().four_cc());
     output::line(&format!("{}: {width} × {height} from {card} ({coding})", out.display()))?;
-    output::line(&format!("where the horizon is in row R of it, camera.horizon_share is R / {height}"))?;
+    output::line(&format!("if the horizon is in row R of this picture, set camera.horizon_share to R / {height}"))?;
     Ok(())
 }
 
-fn blamed(device: &Path, error: &impl std::fmt::Display) -> BadInput {
+fn bad_device(device: &Path, error: &impl std::fmt::Display) -> BadInput {
     BadInput(format!("{}: {error}", device.display()))
 }
 
-/// What a camera offers, in lines.
-fn told(device: &Path, offer: &Offer) -> String {
+/// The formats and controls of a camera as text.
+fn describe(device: &Path, offer: &Offer) -> String {
     let mut text = format!("{}: {} ({}, {})\n", device.display(), offer.identity.card, offer.identity.driver, offer.identity.bus);
     if offer.inputs.len() > 1 {
         let inputs: Vec<_> = offer.inputs.iter().enumerate().map(|(number, name)| format!("{number} {name}")).collect();
         add(&mut text, "inputs", &inputs);
     }
     for format in &offer.formats {
-        let mut sizes: Vec<_> = format.sizes.iter().take(MOST_SIZES).map(|&size| size_in_words(size)).collect();
+        let mut sizes: Vec<_> = format.sizes.iter().take(MOST_SIZES).map(|&size| size_text(size)).collect();
         if format.sizes.len() > MOST_SIZES {
             sizes.push(format!("{} more", format.sizes.len() - MOST_SIZES));
         }
         add(&mut text, &format.coding.four_cc().to_string(), &sizes);
     }
     if offer.formats.is_empty() {
-        add(&mut text, "formats", &["none that stillmap reads (GREY, YUYV, MJPG)".to_owned()]);
+        add(&mut text, "formats", &["none that stillmap can read (GREY, YUYV, MJPG)".to_owned()]);
     }
     if !offer.others.is_empty() {
         let others: Vec<_> = offer.others.iter().map(ToString::to_string).collect();
         add(&mut text, "formats not read", &others);
     }
-    let in_words = |control: &ControlInfo| {
+    let as_text = |control: &ControlInfo| {
         let (least, greatest) = control.range;
         format!("{} {least} to {greatest} ({})", control.key(), control.default)
     };
-    let controls: Vec<_> = offer.controls.iter().map(in_words).collect();
+    let controls: Vec<_> = offer.controls.iter().map(as_text).collect();
     if !controls.is_empty() {
-        add(&mut text, "controls (when nobody sets them)", &controls);
+        add(&mut text, "controls (default)", &controls);
     }
     text
 }
 
-fn size_in_words((width, height, rate_hz): (u32, u32, Option<f64>)) -> String {
+fn size_text((width, height, rate_hz): (u32, u32, Option<f64>)) -> String {
     let rate = rate_hz.map(|rate_hz| format!(" to {rate_hz:.0} Hz")).unwrap_or_default();
     format!("{width} × {height}{rate}")
 }
@@ -147,7 +148,7 @@ mod tests {
     use camera::{Identity, OfferedFormat};
 
     #[test]
-    fn a_camera_is_told_in_lines() {
+    fn a_camera_is_described_in_lines() {
         let offer = Offer {
             identity: Identity { card: "Webcam".into(), driver: "uvcvideo".into(), bus: "usb-1".into() },
             inputs: vec!["Input 1".into()],
@@ -156,20 +157,20 @@ mod tests {
             controls: vec![ControlInfo { id: 1, name: "Gain".into(), range: (0, 100), default: 40 }],
         };
         assert_eq!(
-            told(Path::new("/dev/video0"), &offer),
+            describe(Path::new("/dev/video0"), &offer),
             "/dev/video0: Webcam (uvcvideo, usb-1)\n  YUYV: 160 × 120 to 30 Hz, 640 × 480\n  formats not read: H264\n  \
-             controls (when nobody sets them): gain 0 to 100 (40)\n"
+             controls (default): gain 0 to 100 (40)\n"
         );
     }
 
     #[test]
-    fn a_device_that_cannot_be_used_is_one_line() {
-        let told = |device: &str| {
+    fn an_unusable_device_is_reported_in_one_line() {
+        let message = |device: &str| {
             let device = PathBuf::from(device);
             camera(&CameraCommand::List { device: Some(device), input: None }).unwrap_err().to_string()
         };
-        assert!(told("/dev/no-such-camera").starts_with("/dev/no-such-camera: no such device: is the camera plugged in?"));
-        assert_eq!(told("/dev/null"), "/dev/null: not a camera that streams pictures");
+        assert!(message("/dev/no-such-camera").starts_with("/dev/no-such-camera: no such device: is the camera plugged in?"));
+        assert_eq!(message("/dev/null"), "/dev/null: not a camera that streams pictures");
         let out = std::env::temp_dir().join("none.png");
         let command = CameraCommand::Snapshot { device: "/dev/zero".into(), out, size: (160, 120), input: None };
         assert_eq!(camera(&command).unwrap_err().to_string(), "/dev/zero: not a camera that streams pictures");

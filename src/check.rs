@@ -20,7 +20,7 @@ pub(crate) struct CheckArgs {
     reference: bool,
 }
 
-/// Checks a settings file, or prints what settings there are.
+/// Checks a settings file, or prints the schema or the reference of all settings.
 pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     match args {
         CheckArgs { settings: Some(settings), .. } => check_file(settings)?,
@@ -30,22 +30,22 @@ pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Reads a settings file and whatever it names, and says what it describes.
+/// Checks a settings file with the files that it names, and prints its processes.
 fn check_file(path: &Path) -> anyhow::Result<()> {
     let settings = read(path)?;
     let processes = settings.process.iter().map(|process| process.name.to_string()).collect::<Vec<_>>().join(", ");
-    output::line(&format!("{}: fine: deployment {} of {processes}", path.display(), settings.name))?;
+    output::line(&format!("{}: valid: deployment {} with the processes {processes}", path.display(), settings.name))?;
     Ok(())
 }
 
-/// Reads settings, and refuses now what a process would refuse later.
+/// Reads settings and checks what their processes would check later.
 pub(crate) fn read(path: &Path) -> anyhow::Result<Settings> {
     let settings = Settings::read(path)?;
     check_files(&settings)?;
     Ok(settings)
 }
 
-/// The files that settings name.
+/// Checks the files that settings name.
 pub(crate) fn check_files(settings: &Settings) -> anyhow::Result<()> {
     if settings.runs(BuiltIn::Simulator) {
         simulator::read_world(&settings.simulator.world)?;

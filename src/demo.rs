@@ -1,8 +1,8 @@
-//! `stillmap demo`: the built-in deployment, so that the one file of the command is enough.
+//! `stillmap demo`: the built-in deployment. It needs no other file than the command.
 
 use crate::args::RunOptions;
 use crate::drive::{drive, once, place_output, unique_name};
-use crate::evaluate::conclude;
+use crate::evaluate::score_run;
 use crate::exit::BadInput;
 use crate::{built_in, exit, output};
 use clap::Args;
@@ -20,9 +20,9 @@ pub(crate) struct DemoArgs {
     world: Option<PathBuf>,
 }
 
-/// Fast enough not to bore, slow enough to look at.
+/// The demo takes about 15 s at this speed.
 const SPEED: f64 = 5.0;
-/// The same for somebody who watches the live page.
+/// Speed with --open: walkers on the live page move slowly enough to follow.
 const WATCHED_SPEED: f64 = 3.0;
 
 /// Drives the simulated robot through the built-in world or another; the exit code.
@@ -38,17 +38,17 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
     };
     crate::check::check_files(&settings)?;
     let speed = options.speed.unwrap_or(if options.open { WATCHED_SPEED } else { SPEED });
-    tracing::info!("a simulated Pioneer 1 drives through a hall with people in it, {speed} times faster than a real one");
-    tracing::info!("each process is watched and restarted: `stillmap status` shows them, kill -9 any of them and see");
+    tracing::info!("a simulated Pioneer 1 drives through a hall in which people walk, at {speed} times real time");
+    tracing::info!("the supervisor restarts every process that fails: list them with `stillmap status` and try kill -9 on one");
     let code = drive(&settings, &once(speed)?, options.open, bars)?;
     if code == exit::SUCCESS && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
-        match conclude(&settings.out, &log) {
+        match score_run(&settings.out, &log) {
             Ok(figures) => {
                 output::line(&format!("ghosts     {figures}"))?;
                 output::line(&format!("           {}", settings.out.join("comparison.png").display()))?;
             }
-            Err(error) => tracing::warn!("the map cannot be judged: {error}"),
+            Err(error) => tracing::warn!("the map cannot be scored: {error}"),
         }
     }
     Ok(code)

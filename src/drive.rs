@@ -1,4 +1,4 @@
-//! A run from its start to what is said at its end.
+//! A run, from the preparation of its output folder to the summary at its end.
 
 use crate::args::RunOptions;
 use crate::exit::BadInput;
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::Instant;
 use supervisor::{Options, Outcome, Report};
 
-/// Puts the outputs where the command line wants them, and makes the folder.
+/// Applies the output folder of the command line and creates it.
 pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> anyhow::Result<()> {
     if let Some(out) = &options.out {
         settings.out.clone_from(out);
@@ -22,7 +22,7 @@ pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> any
     check_writable(&settings.out)
 }
 
-/// Refuses a folder that takes no file, before there is anything to lose. A full disk may have room again later.
+/// Fails for a folder in which no file can be created, before the run starts. A full disk is accepted: it may have space later.
 fn check_writable(folder: &Path) -> anyhow::Result<()> {
     let probe = folder.join(format!(".{}.probe", std::process::id()));
     let written = std::fs::File::create(&probe);
@@ -35,22 +35,22 @@ fn check_writable(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// A name that no other run on this machine has: runs side by side never meet.
+/// A name that no other run on this computer has, so that concurrent runs are independent.
 pub(crate) fn unique_name(what: &str) -> anyhow::Result<Name> {
     Ok(Name::try_from(format!("{what}-{}", std::process::id()))?)
 }
 
-/// Makes a folder for outputs.
+/// Creates a folder for outputs.
 pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot make this folder: {error}", folder.display())).into())
+    std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot create this folder: {error}", folder.display())).into())
 }
 
-/// How to run a deployment whose state nobody goes on from.
+/// Options for a run whose state is not resumed later.
 pub(crate) fn once(speed: f64) -> anyhow::Result<Options> {
     Ok(Options { speed, executable: std::env::current_exe()?, state: None, fresh: false })
 }
 
-/// Runs a deployment and says what came of it; the exit code. `open` to have a browser show its page.
+/// Runs a deployment and prints its summary; the exit code. With `open` a browser shows the page.
 pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &MultiProgress) -> anyhow::Result<u8> {
     let started = Instant::now();
     let mut progress = Progress::new(bars);
@@ -58,7 +58,7 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     let result = supervisor::run(settings, options, &mut |report| {
         if let Report::Status(status) = report {
             progress.show(status);
-            page.look(status);
+            page.update(status);
         }
     });
     progress.end();
@@ -91,7 +91,7 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
     }
     match &outcome.map {
         Some(map) => summarize_map(&settings.out, map, wall_s),
-        None if settings.runs(BuiltIn::Mapping) => Ok(output::line("map        none was finished")?),
+        None if settings.runs(BuiltIn::Mapping) => Ok(output::line("map        not finished")?),
         None => Ok(()),
     }
 }
@@ -99,17 +99,14 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
 fn summarize_map(out: &Path, map: &MapSummary, wall_s: f64) -> anyhow::Result<()> {
     output::line(&format!("map        {}", out.join("map.png").display()))?;
     output::line(&format!("           {} with map.pgm, for ROS map_server and nav2", out.join("map.yaml").display()))?;
-    output::line(&format!(
-        "figures    {} scans with {} readings over {:.1} m of way, {:.1} s",
-        map.scans, map.readings, map.way_m, wall_s
-    ))?;
+    output::line(&format!("figures    {} scans with {} readings over {:.1} m, in {:.1} s", map.scans, map.readings, map.way_m, wall_s))?;
     if map.withheld > 0 || map.undecided > 0 {
-        output::line(&format!("verdicts   {} readings withheld, {} never decided", map.withheld, map.undecided))?;
+        output::line(&format!("verdicts   {} readings withheld, {} undecided", map.withheld, map.undecided))?;
     }
     Ok(output::line(&format!("map sha256 {}", hex(&map.sha256)))?)
 }
 
-/// Bytes as people compare them.
+/// Bytes as hexadecimal digits.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

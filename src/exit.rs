@@ -32,7 +32,7 @@ Exit codes:
    70  The shared memory of the deployment is damaged.
   130  A second request to stop killed every process.";
 
-/// A file or argument that cannot be used; one line.
+/// An invalid file or argument, described in one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct BadInput(pub(crate) String);

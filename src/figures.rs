@@ -1,4 +1,4 @@
-//! `stillmap figures`: the paper's figures from this project's own code.
+//! `stillmap figures`: the figures of the paper, drawn by the code that runs in a deployment.
 
 use crate::drive::make_folder;
 use crate::exit::BadInput;
@@ -14,7 +14,7 @@ pub(crate) struct FiguresArgs {
     out: PathBuf,
 }
 
-/// Makes every figure and writes it.
+/// Draws every figure and writes it.
 pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
     let FiguresArgs { out } = args;
     make_folder(out)?;

@@ -36,16 +36,15 @@ use std::process::ExitCode;
 #[must_use]
 pub fn main() -> ExitCode {
     let command = Cli::parse().command;
-    // What a process says goes to its supervisor; everything else goes to people.
     let bars = MultiProgress::new();
-    let result = if command.is_process() { logging::to_the_supervisor() } else { logging::to_people(bars.clone()) };
+    let result = if command.is_process() { logging::for_supervisor() } else { logging::for_people(bars.clone()) };
     match result.and_then(|()| command.carry_out(&bars)) {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
             if command.is_process() {
                 tracing::error!("{error}");
             } else {
-                // Nowhere is left to complain of standard error.
+                // If standard error cannot be written to, the error is lost.
                 let _ = writeln!(std::io::stderr(), "error: {error}");
             }
             ExitCode::from(exit::code(&error))

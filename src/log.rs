@@ -1,4 +1,4 @@
-//! `stillmap log`: logs at a glance, repaired, imported.
+//! `stillmap log`: describes, recovers and imports logs.
 
 use crate::output;
 use clap::{Subcommand, ValueEnum};
@@ -62,7 +62,7 @@ fn recover(log: &Path, out: PathBuf) -> anyhow::Result<()> {
     Ok(output::line(&format!("{}: {} messages, {} bytes", out.display(), recovered.messages, recovered.bytes))?)
 }
 
-/// Beside the damaged log.
+/// The default path of a recovered log, beside the damaged one.
 fn recovered_name(log: &Path) -> PathBuf {
     let stem = log.file_stem().unwrap_or_default().to_string_lossy();
     log.with_file_name(format!("{stem}-recovered.mcap"))
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recovered_log_lies_beside_the_damaged_one() {
+    fn a_recovered_log_is_written_beside_the_damaged_one() {
         assert_eq!(recovered_name(Path::new("logs/drive.mcap")), Path::new("logs/drive-recovered.mcap"));
     }
 }

@@ -1,7 +1,7 @@
-//! Log lines: JSON for the supervisor in a process of a deployment, calm text for people everywhere else.
+//! Log lines: JSON for the supervisor in a process of a deployment, text for people in every other command.
 //!
-//! Standard error may be a terminal that has gone or a file on a full disk: a line that cannot be written is lost, and nothing
-//! ends with it. Hence no complaints of lost lines, which would go the same way and panic.
+//! Standard error may be a closed terminal or a file on a full disk: a line that cannot be written is lost, and the process continues.
+//! Lost lines are not reported, because that would write to standard error again and panic.
 
 use crate::exit::BadInput;
 use indicatif::MultiProgress;
@@ -15,20 +15,20 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
 use tracing_subscriber::registry::LookupSpan;
 
-/// The level, or the levels of several modules, of log lines.
+/// Environment variable with the level of log lines, or the levels of several modules.
 const VARIABLE: &str = "STILLMAP_LOG";
-/// What iceoryx2 warns of when a process has been killed, the supervisor mends.
+/// Without the warnings of iceoryx2 about killed processes: the supervisor cleans up after them.
 const DEFAULT: &str = "info,iceoryx2=error";
 
 /// Log lines as JSON on standard error, for the supervisor.
-pub(crate) fn to_the_supervisor() -> anyhow::Result<()> {
+pub(crate) fn for_supervisor() -> anyhow::Result<()> {
     tracing_subscriber::fmt().json().log_internal_errors(false).with_env_filter(filter()?).with_writer(io::stderr).init();
     Ok(())
 }
 
 /// Log lines for people on standard error, above the progress bars.
-pub(crate) fn to_people(bars: MultiProgress) -> anyhow::Result<()> {
-    // What processes say they have filtered themselves.
+pub(crate) fn for_people(bars: MultiProgress) -> anyhow::Result<()> {
+    // Processes have filtered their lines themselves.
     let filter = filter()?.add_directive(format!("{}=trace", supervisor::CHILD_TARGET).parse()?);
     let format = People { started: Instant::now(), colours: io::stderr().is_terminal() };
     let lines = tracing_subscriber::fmt().log_internal_errors(false).with_env_filter(filter).event_format(format);
@@ -37,13 +37,13 @@ pub(crate) fn to_people(bars: MultiProgress) -> anyhow::Result<()> {
 }
 
 fn filter() -> anyhow::Result<EnvFilter> {
-    let wanted = std::env::var(VARIABLE).unwrap_or_else(|_| DEFAULT.to_owned());
-    EnvFilter::try_new(&wanted).map_err(|error| {
-        BadInput(format!("{VARIABLE}={wanted}: {error}: expected a level (error, warn, info, debug, trace) or module=level,…")).into()
+    let levels = std::env::var(VARIABLE).unwrap_or_else(|_| DEFAULT.to_owned());
+    EnvFilter::try_new(&levels).map_err(|error| {
+        BadInput(format!("{VARIABLE}={levels}: {error}: expected a level (error, warn, info, debug, trace) or module=level,…")).into()
     })
 }
 
-/// One line an event: seconds since the start, who, what.
+/// One line for each event: seconds since the start, process, message.
 struct People {
     started: Instant,
     colours: bool,
@@ -55,9 +55,9 @@ where
     N: for<'a> FormatFields<'a> + 'static,
 {
     fn format_event(&self, _: &FmtContext<'_, S, N>, mut writer: Writer<'_>, event: &Event<'_>) -> std::fmt::Result {
-        let mut words = Words::default();
-        event.record(&mut words);
-        let process = if words.process.is_empty() { "stillmap" } else { &words.process };
+        let mut line = Fields::default();
+        event.record(&mut line);
+        let process = if line.process.is_empty() { "stillmap" } else { &line.process };
         let (colour, mark) = match *event.metadata().level() {
             Level::ERROR => ("31", "error: "),
             Level::WARN => ("33", "warning: "),
@@ -65,19 +65,19 @@ where
             Level::DEBUG => ("2", "debug: "),
             Level::TRACE => ("2", "trace: "),
         };
-        let line = format!("{:>8.2} s  {process:<10} {mark}{}{}", self.started.elapsed().as_secs_f64(), words.message, words.fields);
-        if self.colours { writeln!(writer, "\x1b[{colour}m{line}\x1b[0m") } else { writeln!(writer, "{line}") }
+        let text = format!("{:>8.2} s  {process:<10} {mark}{}{}", self.started.elapsed().as_secs_f64(), line.message, line.fields);
+        if self.colours { writeln!(writer, "\x1b[{colour}m{text}\x1b[0m") } else { writeln!(writer, "{text}") }
     }
 }
 
 #[derive(Default)]
-struct Words {
+struct Fields {
     process: String,
     message: String,
     fields: String,
 }
 
-impl Words {
+impl Fields {
     fn record(&mut self, field: &Field, value: String) {
         match field.name() {
             "process" => self.process = value,
@@ -90,7 +90,7 @@ impl Words {
     }
 }
 
-impl Visit for Words {
+impl Visit for Fields {
     fn record_str(&mut self, field: &Field, value: &str) {
         self.record(field, value.to_owned());
     }

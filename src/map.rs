@@ -1,4 +1,4 @@
-//! `stillmap map`: the map of a running deployment as it is now.
+//! `stillmap map`: the current map of a running deployment.
 
 use crate::args::Which;
 use crate::output;
@@ -21,10 +21,10 @@ pub(crate) struct MapArgs {
     which: Which,
 }
 
-/// How long mapping may take to send the next piece.
+/// How long to wait for the next piece of the map.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Joins the deployment, takes the whole map that its owner sends to whoever joins, and writes it.
+/// Collects the map that mapping publishes to new readers, and writes it.
 pub(crate) fn map(args: &MapArgs) -> anyhow::Result<()> {
     let domain = choose(&args.which)?;
     let copy = collect(&domain)?;
@@ -39,22 +39,22 @@ fn collect(domain: &RunningDomain) -> anyhow::Result<MapCopy> {
     let mut tiles = tool.reader::<MapTile>()?;
     let mut way = tool.reader::<WayChunk>()?;
     let mut copy = MapCopy::default();
-    let mut last_news = Instant::now();
+    let mut last_piece = Instant::now();
     while !copy.is_whole() {
         let taken = take(&mut tiles, |tile| copy.take_tile(tile))? + take(&mut way, |chunk| copy.take_way(chunk))?;
         if taken > 0 {
-            last_news = Instant::now();
-        } else if last_news.elapsed() > PATIENCE {
+            last_piece = Instant::now();
+        } else if last_piece.elapsed() > PATIENCE {
             let (held, expected) = copy.progress();
             anyhow::ensure!(expected > 0, "deployment {} has no map yet", domain.name());
-            anyhow::bail!("mapping of {} fell silent after {held} of {expected} tiles", domain.name());
+            anyhow::bail!("mapping of {} sent nothing more after {held} of {expected} tiles", domain.name());
         }
         tool.wait(Duration::from_millis(100))?;
     }
     Ok(copy)
 }
 
-/// Takes everything that waits; how much.
+/// Takes everything that waits; the number of messages.
 fn take<T: Payload>(reader: &mut Reader<T>, mut each: impl FnMut(&T)) -> anyhow::Result<usize> {
     let mut taken = 0;
     while let Some(received) = reader.take()? {

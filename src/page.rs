@@ -1,4 +1,4 @@
-//! Where the page of a run is, said once and opened if somebody wants that.
+//! The address of the live page, printed once and opened in a browser on request.
 
 use messages::{DeploymentStatus, ProcessState};
 use settings::{BuiltIn, Settings};
@@ -7,14 +7,14 @@ use std::process::{Command, Stdio};
 
 /// The page of a run.
 pub(crate) struct Page<'a> {
-    /// Name of the process that serves it; none when nothing is left to be said.
+    /// Name of the process that serves it; `None` once the address is printed.
     viewer: Option<&'a str>,
     token: Option<&'a str>,
     open: bool,
 }
 
 impl<'a> Page<'a> {
-    /// The page of this deployment, if it has one; `open` to have a browser show it.
+    /// The page of this deployment, if it has one. With `open` a browser shows it.
     pub(crate) fn of(settings: &'a Settings, open: bool) -> Self {
         let viewer = settings.process.iter().find(|process| process.runs(BuiltIn::Viewer));
         Self {
@@ -24,11 +24,11 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// Says where the page is, as soon as a status tells.
-    pub(crate) fn look(&mut self, status: &DeploymentStatus) {
+    /// Prints the address of the page once a status has it.
+    pub(crate) fn update(&mut self, status: &DeploymentStatus) {
         let Some(url) = self.url(status) else { return };
         self.viewer = None;
-        tracing::info!("watch it live: {url}");
+        tracing::info!("live page: {url}");
         if self.open
             && let Err(error) = show(&url)
         {
@@ -44,10 +44,10 @@ impl<'a> Page<'a> {
     }
 }
 
-/// Has the desktop open a browser, which Ctrl-C of this command does not reach.
+/// Opens a browser in a process group of its own, which Ctrl-C of this command does not reach.
 fn show(url: &str) -> std::io::Result<()> {
-    let silent = Stdio::null;
-    Command::new("xdg-open").arg(url).stdin(silent()).stdout(silent()).stderr(silent()).process_group(0).spawn().map(drop)
+    let null = Stdio::null;
+    Command::new("xdg-open").arg(url).stdin(null()).stdout(null()).stderr(null()).process_group(0).spawn().map(drop)
 }
 
 #[cfg(test)]
@@ -56,7 +56,7 @@ mod tests {
     use messages::{ProcessStatus, Text};
 
     #[test]
-    fn the_address_is_that_of_a_viewer_at_work_with_its_token() {
+    fn the_address_is_that_of_a_running_viewer_with_its_token() {
         let text = "name = \"x\"\n[[process]]\nname = \"page\"\nrun = \"viewer\"\n[[process]]\nname = \"d\"\ncommand = [\"d\"]\n\
             [viewer]\ntoken = \"0123456789abcdef\"\n";
         let settings = Settings::parse("x.toml", text).unwrap();

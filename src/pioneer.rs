@@ -1,4 +1,4 @@
-//! `stillmap pioneer probe`: who answers on a serial port.
+//! `stillmap pioneer probe`: identifies a robot at a serial port.
 
 use crate::exit::BadInput;
 use crate::output;
@@ -22,16 +22,16 @@ pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<()> {
     let PioneerCommand::Probe { port } = command;
     let parameters = Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0);
     let answer = pioneer::probe(port, &parameters).map_err(|error| BadInput(error.to_string()))?;
-    output::write(&told(port, &answer))?;
+    output::write(&describe(port, &answer))?;
     Ok(())
 }
 
-/// What answered, in lines.
-fn told(port: &Path, answer: &Answer) -> String {
+/// The answer as text.
+fn describe(port: &Path, answer: &Answer) -> String {
     let Answer { identity, model, baud, sonars, fired, packets, damaged, note } = answer;
     let model = match model {
         Some(model) => format!("robot.model = {:?}", model.name),
-        None => "of no model that stillmap knows: distances and ranges would be wrong".to_owned(),
+        None => "of a model that stillmap does not know: distances and ranges would be wrong".to_owned(),
     };
     format!(
         "{}: {:?}, a {} {}, at {baud} baud\n  {model}\n  {}\n  {packets} status packets, {damaged} damaged; {note}\n",
@@ -39,11 +39,11 @@ fn told(port: &Path, answer: &Answer) -> String {
         identity.name,
         identity.class,
         identity.subclass,
-        sonars_in_words(*sonars, fired)
+        describe_sonars(*sonars, fired)
     )
 }
 
-fn sonars_in_words(sonars: usize, fired: &BTreeSet<u32>) -> String {
+fn describe_sonars(sonars: usize, fired: &BTreeSet<u32>) -> String {
     let names = |numbers: &mut dyn Iterator<Item = u32>| numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(", ");
     let mut silent = (0..sonars as u32).filter(|number| !fired.contains(number)).peekable();
     match (fired.len(), silent.peek()) {
@@ -58,9 +58,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn silent_sonars_stand_out() {
-        assert_eq!(sonars_in_words(7, &(0..7).collect()), "all 7 sonars fire");
-        assert_eq!(sonars_in_words(7, &BTreeSet::new()), "none of its 7 sonars fires");
-        assert_eq!(sonars_in_words(4, &[0, 2, 3].into()), "sonars that fire: 0, 2, 3; SILENT: 1");
+    fn silent_sonars_are_marked() {
+        assert_eq!(describe_sonars(7, &(0..7).collect()), "all 7 sonars fire");
+        assert_eq!(describe_sonars(7, &BTreeSet::new()), "none of its 7 sonars fires");
+        assert_eq!(describe_sonars(4, &[0, 2, 3].into()), "sonars that fire: 0, 2, 3; SILENT: 1");
     }
 }

@@ -1,14 +1,14 @@
-//! How far a drive is: a bar on a terminal, a line now and then elsewhere.
+//! Progress of a run: a bar on a terminal, a line for each tenth elsewhere.
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use std::io::IsTerminal;
 use std::time::Duration;
 
-/// Counters by which a process tells how far it is: so many of so many.
+/// Counters in which a process reports its progress.
 const DONE: &str = "done";
 const TOTAL: &str = "total";
-/// Lines between nothing and everything where there is no terminal.
+/// Number of lines of a whole run without a terminal.
 const LINES: u64 = 10;
 
 /// The view of a run.
@@ -18,13 +18,13 @@ pub(crate) struct Progress {
 
 enum View {
     Bar(ProgressBar),
-    Lines { told: u64 },
+    Lines { printed: u64 },
 }
 
 impl Progress {
     pub(crate) fn new(bars: &MultiProgress) -> Self {
         if !std::io::stderr().is_terminal() {
-            return Self { view: View::Lines { told: 0 } };
+            return Self { view: View::Lines { printed: 0 } };
         }
         let bar = bars.add(ProgressBar::no_length());
         bar.set_style(spinner());
@@ -32,11 +32,11 @@ impl Progress {
         Self { view: View::Bar(bar) }
     }
 
-    /// Shows the state of the run.
+    /// Shows the progress in a status.
     pub(crate) fn show(&mut self, status: &DeploymentStatus) {
         let processes = status.processes.iter().take(status.count as usize);
-        let mut at_work = processes.clone().filter(|process| process.state == ProcessState::Running as u32);
-        let drive = at_work.find_map(|process| Some((process, counter(process, DONE)?, counter(process, TOTAL)?)));
+        let mut running = processes.clone().filter(|process| process.state == ProcessState::Running as u32);
+        let drive = running.find_map(|process| Some((process, counter(process, DONE)?, counter(process, TOTAL)?)));
         match &mut self.view {
             View::Bar(bar) => {
                 if let Some((_, done, total)) = drive.filter(|(_, _, total)| *total > 0) {
@@ -48,18 +48,18 @@ impl Progress {
                 }
                 bar.set_message(message(drive.map(|(process, _, _)| process), processes));
             }
-            View::Lines { told } => {
+            View::Lines { printed } => {
                 let Some((process, done, total)) = drive.filter(|(_, _, total)| *total > 0) else { return };
                 let tenths = done.min(total) * LINES / total;
-                if tenths > *told {
-                    *told = tenths;
+                if tenths > *printed {
+                    *printed = tenths;
                     tracing::info!(process = process.process.as_str(), "{} % done: {}", tenths * 100 / LINES, process.note);
                 }
             }
         }
     }
 
-    /// Takes the view away.
+    /// Removes the view.
     pub(crate) fn end(self) {
         if let View::Bar(bar) = self.view {
             bar.finish_and_clear();
@@ -67,7 +67,7 @@ impl Progress {
     }
 }
 
-/// A bar for a file that is read, on a terminal only.
+/// A bar for a file that is being read; it is hidden without a terminal.
 pub(crate) fn of_bytes(bars: &MultiProgress, total: u64) -> ProgressBar {
     bars.add(ProgressBar::new(total)).with_style(bar_style())
 }
@@ -77,14 +77,14 @@ fn counter(process: &ProcessStatus, name: &str) -> Option<u64> {
     counters.into_iter().find(|counter| counter.name.as_str() == name).map(|counter| counter.value)
 }
 
-/// What the drive says of itself, then who is not well.
+/// The note of the drive, then the processes that do not run.
 fn message<'a>(drive: Option<&ProcessStatus>, processes: impl Iterator<Item = &'a ProcessStatus>) -> String {
-    let unwell = |process: &&ProcessStatus| {
+    let failing = |process: &&ProcessStatus| {
         matches!(ProcessState::from_number(process.state), Some(ProcessState::Starting | ProcessState::Backoff | ProcessState::Failed))
     };
     let word = |process: &ProcessStatus| ProcessState::from_number(process.state).map_or("", ProcessState::word);
-    let unwell = processes.filter(unwell).map(|process| format!("{} {}", process.process, word(process)));
-    drive.map(|process| process.note.to_string()).into_iter().filter(|note| !note.is_empty()).chain(unwell).collect::<Vec<_>>().join("; ")
+    let failing = processes.filter(failing).map(|process| format!("{} {}", process.process, word(process)));
+    drive.map(|process| process.note.to_string()).into_iter().filter(|note| !note.is_empty()).chain(failing).collect::<Vec<_>>().join("; ")
 }
 
 fn spinner() -> ProgressStyle {

@@ -1,4 +1,4 @@
-//! `stillmap replay`: a log in place of the robot.
+//! `stillmap replay`: a deployment with a log in place of the robot.
 
 use crate::args::RunOptions;
 use crate::drive::{drive, once, place_output, unique_name};
@@ -31,7 +31,7 @@ pub(crate) enum Pace {
     Live,
 }
 
-/// Makes the map again from a log; the exit code.
+/// Replays a log; the exit code.
 pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let ReplayArgs { log, pace, options } = args;
     let recorded = read_settings(log)?;
@@ -39,24 +39,24 @@ pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<
     let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {
-        Pace::Lockstep => "in lockstep, as fast as the processes can follow",
+        Pace::Lockstep => "in lockstep, as fast as every process can follow",
         Pace::Live => "at the pace of the drive",
     };
     tracing::info!("replaying {} {how}", log.display());
     drive(&settings, &once(options.speed.unwrap_or(1.0))?, options.open, bars)
 }
 
-/// The settings that a log was made with, if there is something in it to replay.
+/// The settings of the recorded deployment. Fails if the log has no scan.
 fn read_settings(path: &Path) -> anyhow::Result<String> {
     let mut log = Log::open(path)?;
     match log.next_of::<SonarScan>()? {
         Some(Entry::Message { .. }) => Ok(log.preamble().settings.clone()),
-        Some(Entry::End { .. }) | None => Err(BadInput(format!("{}: holds no scan to replay", path.display())).into()),
+        Some(Entry::End { .. }) | None => Err(BadInput(format!("{}: has no scan to replay", path.display())).into()),
     }
 }
 
-/// The recorded deployment with playback in place of what brought the world in. Nothing is recorded again, no fault happens again,
-/// and who may look is not for a log to say: it may come from anybody.
+/// The recorded deployment with playback in place of its drivers. It records nothing and injects no fault, and its viewer has the
+/// default settings: a log from elsewhere must not open the page to a network.
 fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Result<Settings> {
     settings.name = unique_name("replay")?;
     settings.out = PathBuf::from("replay-out");
@@ -68,20 +68,20 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     settings.viewer = Viewer::default();
     settings.injector = Injector::default();
     settings.fault.clear();
-    // Without pictures in the log, what the camera saw is played as it was recorded.
+    // Without pictures in the log, playback publishes the recorded motion of the camera.
     let has_pictures = settings.recorder.pictures;
     settings.process.retain(|process| match &process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
         Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
         Program::Command(command) => {
-            tracing::warn!("without {}: whether {} listens or drives, the log does not say", process.name, command.join(" "));
+            tracing::warn!("process {} is left out: {} may be a driver, which playback replaces", process.name, command.join(" "));
             false
         }
     });
     if !settings.runs(BuiltIn::Mapping) {
         settings.process.push(Process::built_in(BuiltIn::Mapping));
     }
-    // In lockstep it would be over before a browser has come.
+    // In lockstep the run would end before a browser could connect.
     if pace == Pace::Live {
         settings.process.push(Process::built_in(BuiltIn::Viewer));
     }
@@ -101,12 +101,12 @@ mod tests {
         assert_eq!(names, ["mapping", "fti", "std", "sbs", "playback"]);
         assert!(replay.process.last().unwrap().ends_run);
         assert_eq!(replay.pace, settings::Pace::Lockstep);
-        assert_eq!(replay.mapping, recorded.mapping, "the same map comes of the same settings");
+        assert_eq!(replay.mapping, recorded.mapping, "the same settings give the same map");
         replay.check().unwrap();
     }
 
     #[test]
-    fn what_a_log_says_of_faults_and_of_who_may_look_is_not_done() {
+    fn faults_and_viewer_settings_of_a_log_are_ignored() {
         let more = "[[process]]\nname = \"faults\"\nrun = \"injector\"\n[[fault]]\nprocess = \"std\"\nkind = \"kill\"\n
             [[fault]]\nservice = \"robot/scan\"\nkind = \"drop\"\n";
         let viewer = "[viewer]\naddress = \"0.0.0.0\"\ntoken = \"known-to-strangers\"";
@@ -123,7 +123,7 @@ mod tests {
         let text = "name = \"x\"\n[[process]]\nname = \"recorder\"\nrun = \"recorder\"\n[[process]]\nname = \"d\"\ncommand = [\"d\"]\n";
         let replay = deployment(Settings::parse("x.toml", text).unwrap(), "/logs/drive.mcap".into(), Pace::Live).unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
-        assert_eq!(names, ["mapping", "viewer", "playback"], "live, it can be watched");
+        assert_eq!(names, ["mapping", "viewer", "playback"], "a live replay has a page");
         replay.check().unwrap();
     }
 }

@@ -26,10 +26,10 @@ pub(crate) fn run(args: &RunArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let RunArgs { settings: path, fresh, options } = args;
     let mut settings = check::read(path)?;
     drive::place_output(&mut settings, options)?;
-    tracing::info!("deployment {}: Ctrl-C ends it, and the map is written", settings.name);
-    // A simulated robot and a log begin at their beginning each time; a real robot is where it was.
-    let begins_anew = settings.runs(BuiltIn::Simulator) || settings.runs(BuiltIn::Playback);
-    let state = (!begins_anew).then(|| settings.out.join("state"));
+    tracing::info!("deployment {}: Ctrl-C ends the run and writes the map", settings.name);
+    // A simulation and a replay start from the beginning each time; a real robot is where its last run ended.
+    let starts_over = settings.runs(BuiltIn::Simulator) || settings.runs(BuiltIn::Playback);
+    let state = (!starts_over).then(|| settings.out.join("state"));
     let run = Options { state, fresh: *fresh, ..drive::once(options.speed.unwrap_or(1.0))? };
     drive::drive(&settings, &run, options.open, bars)
 }

@@ -1,10 +1,10 @@
-//! The deployments that run on this computer.
+//! The deployments that are running on this computer.
 
 use crate::args::Which;
 use crate::exit::BadInput;
 use bus::RunningDomain;
 
-/// The one deployment that is meant.
+/// The deployment that the arguments name, or the only one that is running.
 pub(crate) fn choose(which: &Which) -> anyhow::Result<RunningDomain> {
     let mut running = RunningDomain::all()?;
     let names = running.iter().map(RunningDomain::name).collect::<Vec<_>>().join(", ");

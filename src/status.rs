@@ -1,4 +1,4 @@
-//! `stillmap status`: what the supervisor knows of its processes.
+//! `stillmap status`: the processes of running deployments, from their supervisors.
 
 use crate::args::Which;
 use crate::running::choose;
@@ -20,10 +20,10 @@ pub(crate) struct StatusArgs {
     which: Which,
 }
 
-/// How long a supervisor may take to tell; it does so once a second.
+/// How long to wait for a status of a supervisor, which publishes one a second.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Prints the status of one deployment, or of all that run.
+/// Prints the status of one deployment or of all that are running; the exit code.
 pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
     let StatusArgs { json, which } = args;
     let domains = match &which.deployment {
@@ -37,41 +37,41 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
     } else if statuses.is_empty() {
         output::line("no deployment is running")?;
     } else {
-        let silent = |domain: &RunningDomain| format!("{}, process {}: says nothing\n", domain.name(), domain.pid());
+        let silent = |domain: &RunningDomain| format!("{}, process {}: does not respond\n", domain.name(), domain.pid());
         let tables: Vec<String> =
             statuses.iter().map(|(domain, status)| status.as_ref().map_or_else(|| silent(domain), as_table)).collect();
         output::write(&tables.join("\n"))?;
     }
-    // Somebody who asks for one deployment has to know when it does not answer.
+    // A script has to notice that a deployment does not respond.
     Ok(if statuses.iter().all(|(_, status)| status.is_some()) { exit::SUCCESS } else { exit::FAILURE })
 }
 
-/// What the supervisors say; `None` for one that is stopped or hangs.
+/// The newest status of each deployment; `None` if its supervisor is stopped or hangs.
 fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<DeploymentStatus>)>> {
-    let mut asked = Vec::new();
+    let mut queries = Vec::new();
     for domain in domains {
         let mut tool = Tool::join(domain)?;
         let statuses = tool.reader::<DeploymentStatus>()?;
-        asked.push((domain, tool, statuses, None));
+        queries.push((domain, tool, statuses, None));
     }
     let since = Instant::now();
     loop {
-        for (_, _, statuses, newest) in &mut asked {
+        for (_, _, statuses, newest) in &mut queries {
             while let Some(received) = statuses.take()? {
                 if let Received::Message(status) = received {
                     *newest = Some(*status);
                 }
             }
         }
-        match asked.iter().find(|(_, _, _, newest)| newest.is_none()) {
+        match queries.iter().find(|(_, _, _, newest)| newest.is_none()) {
             Some((_, tool, _, _)) if since.elapsed() < PATIENCE => tool.wait(Duration::from_millis(50))?,
-            _ => return Ok(asked.into_iter().map(|(domain, _, _, newest)| (domain, newest)).collect()),
+            _ => return Ok(queries.into_iter().map(|(domain, _, _, newest)| (domain, newest)).collect()),
         }
     }
 }
 
-/// A latency as people read it; a dash where none was measured.
-pub(crate) fn latency_words(us: u32) -> String {
+/// A latency with its unit, or a dash if none was measured.
+pub(crate) fn latency_text(us: u32) -> String {
     match us {
         0 => "-".to_owned(),
         1..1_000 => format!("{us} µs"),
@@ -123,13 +123,13 @@ fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
     })
 }
 
-/// Columns of the table.
+/// Number of columns of the table.
 pub(crate) const COLUMNS: usize = 14;
-/// Their names; the last has words of any length.
+/// Names of the columns. The last one holds text of any length.
 pub(crate) const HEAD: [&str; COLUMNS] =
     ["process", "state", "pid", "restarts", "heartbeat", "in/s", "out/s", "latency", "99 %", "lost", "refused", "cpu", "memory", "note"];
 
-/// The columns of one process.
+/// The cells of one process.
 pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
     let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
     [
@@ -140,8 +140,8 @@ pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
         beat,
         format!("{:.1}", it.received_per_s),
         format!("{:.1}", it.sent_per_s),
-        latency_words(it.latency_median_us),
-        latency_words(it.latency_p99_us),
+        latency_text(it.latency_median_us),
+        latency_text(it.latency_p99_us),
         it.lost.to_string(),
         it.refused.to_string(),
         format!("{:.1} %", it.cpu * 100.0),
@@ -150,12 +150,12 @@ pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
     ]
 }
 
-/// Whether a column has words, which begin at its left; numbers end at its right.
-pub(crate) fn has_words(column: usize) -> bool {
+/// Whether a column holds text, which is aligned left; numbers are aligned right.
+pub(crate) fn is_text(column: usize) -> bool {
     matches!(column, 0 | 1 | 13)
 }
 
-/// How wide each column is: as its widest entry.
+/// Width of each column: that of its widest cell.
 pub(crate) fn widths(rows: &[[String; COLUMNS]]) -> [usize; COLUMNS] {
     std::array::from_fn(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0).max(HEAD[column].len()))
 }
@@ -166,7 +166,7 @@ fn as_table(status: &DeploymentStatus) -> String {
     let ending = if status.ending == 1 { ", ending" } else { "" };
     let mut text = format!("{}, up {:.0} s{ending}\n", status.deployment, status.uptime_ms as f64 / 1e3);
     for row in std::iter::once(&HEAD.map(str::to_owned)).chain(&rows) {
-        let cells = row.iter().zip(widths).enumerate().map(|(column, (cell, width))| match has_words(column) {
+        let cells = row.iter().zip(widths).enumerate().map(|(column, (cell, width))| match is_text(column) {
             true => format!("{cell:<width$}"),
             false => format!("{cell:>width$}"),
         });
@@ -182,7 +182,7 @@ mod tests {
     use messages::Text;
 
     #[test]
-    fn the_table_has_a_line_for_each_process() {
+    fn the_table_has_a_row_for_each_process() {
         let mut status = DeploymentStatus { deployment: Text::new("demo"), uptime_ms: 12_400, count: 2, ..DeploymentStatus::default() };
         status.processes[0] = ProcessStatus {
             process: Text::new("mapping"),

@@ -1,8 +1,8 @@
-//! `stillmap top`: the processes of a running deployment, as they are from second to second.
+//! `stillmap top`: a table of the processes of a running deployment, updated every second.
 
 use crate::args::Which;
 use crate::running::choose;
-use crate::status::{COLUMNS, HEAD, cells, has_words, processes, widths};
+use crate::status::{COLUMNS, HEAD, cells, is_text, processes, widths};
 use bus::Received;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
@@ -17,25 +17,25 @@ use std::time::{Duration, Instant};
 
 /// Space between two columns.
 const GAP: usize = 2;
-/// The column with the process's name.
+/// Column of the name of the process.
 const PROCESS: usize = 0;
-/// The column with its state.
+/// Column of its state.
 const STATE: usize = 1;
-/// The column with what it says of itself.
+/// Column of its note.
 const NOTE: usize = 13;
-/// A note that has less room says nothing.
+/// Least width of the note.
 const NOTE_LEAST: usize = 16;
-/// What leaves a narrow terminal first: heartbeat, memory, pid, note, refused, out/s, cpu, in/s, 99 %.
-const LEAVES_FIRST: [usize; 9] = [4, 12, 2, NOTE, 10, 6, 11, 5, 8];
-/// How long keys may wait.
-const LOOK: Duration = Duration::from_millis(100);
-/// Without a status for so long, the deployment has ended or hangs.
+/// Columns that a narrow terminal hides, in this order: heartbeat, memory, pid, note, refused, out/s, cpu, in/s, 99 %.
+const HIDDEN_FIRST: [usize; 9] = [4, 12, 2, NOTE, 10, 6, 11, 5, 8];
+/// Time between two checks for a key.
+const KEY_PERIOD: Duration = Duration::from_millis(100);
+/// Without a status for this time the deployment has ended or its supervisor hangs.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Shows the processes until somebody presses q, or the deployment ends.
+/// Shows the processes until q is pressed or the deployment ends.
 pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
     let domain = choose(which)?;
-    anyhow::ensure!(std::io::stdout().is_terminal(), "standard output is no terminal: `stillmap status` tells the same once");
+    anyhow::ensure!(std::io::stdout().is_terminal(), "standard output is not a terminal: `stillmap status` prints the same table once");
     let mut tool = Tool::join(&domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut terminal = ratatui::try_init()?;
@@ -53,18 +53,18 @@ pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
 }
 
 fn watch(terminal: &mut DefaultTerminal, mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>) -> anyhow::Result<()> {
-    let mut heard = Instant::now();
+    let mut received = Instant::now();
     let mut shown: Option<DeploymentStatus> = None;
     loop {
         if let Some(status) = take()? {
             shown = Some(status);
-            heard = Instant::now();
+            received = Instant::now();
         }
-        if heard.elapsed() > PATIENCE {
+        if received.elapsed() > PATIENCE {
             return Ok(());
         }
         terminal.draw(|frame| draw(frame, shown.as_ref()))?;
-        if event::poll(LOOK)?
+        if event::poll(KEY_PERIOD)?
             && let Event::Key(key) = event::read()?
             && is_quit(key.code, key.modifiers)
         {
@@ -79,16 +79,16 @@ fn is_quit(code: KeyCode, modifiers: KeyModifiers) -> bool {
 
 fn draw(frame: &mut Frame<'_>, status: Option<&DeploymentStatus>) {
     let [head, body, foot] = Layout::vertical([Constraint::Length(1), Constraint::Min(1), Constraint::Length(1)]).areas(frame.area());
-    let Some(status) = status else { return frame.render_widget("waiting for the supervisor to tell", head) };
+    let Some(status) = status else { return frame.render_widget("waiting for a status of the supervisor", head) };
     let ending = if status.ending == 1 { ", ending" } else { "" };
     let title = format!("{}, up {:.0} s{ending}", status.deployment, status.uptime_ms as f64 / 1e3);
     frame.render_widget(Line::from(title).bold(), head);
     frame.render_widget(table(status, usize::from(body.width)), body);
-    let words = "latency: of its busiest input, from sensor to reading, median and 99 %.  q: quit";
-    frame.render_widget(Paragraph::new(words).dim(), foot);
+    let legend = "latency: from sensor to receipt at the busiest input, median and 99 %.  q: quit";
+    frame.render_widget(Paragraph::new(legend).dim(), foot);
 }
 
-/// The columns that fit, each as wide as its entries; the note has what is left.
+/// The columns that fit, each as wide as its cells; the note takes the rest.
 fn table(status: &DeploymentStatus, room: usize) -> Table<'static> {
     let widths = widths(&processes(status).map(cells).collect::<Vec<_>>());
     let shown = shown(&widths, room);
@@ -101,15 +101,15 @@ fn table(status: &DeploymentStatus, room: usize) -> Table<'static> {
     Table::new(rows, constraints.collect::<Vec<_>>()).column_spacing(GAP as u16).header(Row::new(header).style(Style::new().dim()))
 }
 
-/// The columns that a terminal of this width has room for.
+/// The columns that fit into a terminal of this width.
 fn shown(widths: &[usize; COLUMNS], room: usize) -> Vec<usize> {
     let mut shown: Vec<usize> = (0..COLUMNS).collect();
-    for leaves in LEAVES_FIRST {
+    for hidden in HIDDEN_FIRST {
         let needed: usize = shown.iter().map(|column| GAP + if *column == NOTE { NOTE_LEAST } else { widths[*column] }).sum();
         if needed <= room + GAP {
             break;
         }
-        shown.retain(|column| *column != leaves);
+        shown.retain(|column| *column != hidden);
     }
     shown
 }
@@ -130,7 +130,7 @@ fn row(it: &ProcessStatus, shown: &[usize]) -> Row<'static> {
 }
 
 fn aligned(text: String, column: usize) -> Cell<'static> {
-    Cell::from(if has_words(column) { Line::from(text) } else { Line::from(text).right_aligned() })
+    Cell::from(if is_text(column) { Line::from(text) } else { Line::from(text).right_aligned() })
 }
 
 #[cfg(test)]

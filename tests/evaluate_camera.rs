@@ -156,5 +156,5 @@ fn files_that_cannot_be_used_are_named() {
     let whole = std::fs::read(&frames).unwrap();
     std::fs::write(&broken, &whole[..whole.len() - 7]).unwrap();
     check(&broken, &labels, &[], &["broken.y4m: at byte", "7 bytes before the end of frame 39"]);
-    check(&frames, &labels, &["--frames", "100..119"], &["labels.y4m: no scored pixel", "100 to 119 of 40", "--frames"]);
+    check(&frames, &labels, &["--frames", "100..119"], &["labels.y4m: no pixel to score", "100 to 119 of 40", "--frames"]);
 }

@@ -1,4 +1,4 @@
-//! `stillmap evaluate camera`: the masks of a sequence against the truth.
+//! `stillmap evaluate camera`: scores masks against labelled truth.
 
 mod album;
 mod sequence;
@@ -74,20 +74,20 @@ impl From<Compensation> for sbs::Method {
     }
 }
 
-/// What came of a sequence.
+/// The result of a sequence.
 #[derive(Debug, Default)]
 struct Outcome {
     score: Score,
     frames: u64,
     not_compensated: u64,
-    /// How many frames were refused, and the first of them.
+    /// Number of refused frames, and the first of them with its reason.
     refused: u64,
-    refusal: Option<(u64, Refusal)>,
-    /// Time that each frame took, ms.
+    first_refused: Option<(u64, Refusal)>,
+    /// Processing time of each frame, ms.
     times_ms: Vec<f64>,
 }
 
-/// Scores a sequence and says what came of it.
+/// Scores a sequence and prints the result.
 pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
     let mut sequence = Sequence::open(&options.frames_file, &options.labels_file)?;
     let mut album = options.out.as_deref().map(Album::new).transpose()?;
@@ -102,7 +102,9 @@ pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
     let (first, last) = (options.frames.first, options.frames.last);
     if outcome.score.frames == 0 {
         let (path, frames) = (options.labels_file.display(), outcome.frames);
-        return Err(BadInput(format!("{path}: no scored pixel in frames {first} to {last} of {frames}; --frames chooses others")).into());
+        return Err(
+            BadInput(format!("{path}: no pixel to score in frames {first} to {last} of {frames}: choose others with --frames")).into()
+        );
     }
     if options.json {
         output::line(&json(&outcome).to_string())?
@@ -142,20 +144,20 @@ fn run(
 }
 
 impl Outcome {
-    /// Counts an answer. Gives the mask that it stands for: none of a frame that was refused.
+    /// Counts an answer. Returns its mask, or `None` for a refused frame.
     fn note(&mut self, answer: &Answer, mask: Option<Plane<u8>>) -> Option<Plane<u8>> {
         let number = self.frames;
         self.frames += 1;
         self.not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
-        if let Remark::Refused(refusal) = &answer.remark {
+        if let Remark::Refused(reason) = &answer.remark {
             self.refused += 1;
-            self.refusal.get_or_insert((number, refusal.clone()));
+            self.first_refused.get_or_insert((number, reason.clone()));
             return None;
         }
         mask
     }
 
-    /// The median: the machine may be busy with other things.
+    /// The median time: other programs may delay some frames.
     fn ms_per_frame(&self) -> f64 {
         let mut times = self.times_ms.clone();
         times.sort_by(f64::total_cmp);
@@ -185,14 +187,14 @@ fn text(outcome: &Outcome, options: &CameraArgs) -> String {
         format!("frames       {} of {}, {} scored", options.frames, outcome.frames, score.frames),
         format!("f1           {:.3}: precision {:.3}, recall {:.3}", score.f1(), score.precision(), score.recall()),
         format!("false blobs  {:.3} a frame", score.false_blobs_per_frame()),
-        format!("shadow       {:.3} of its {} pixels called foreground", score.shadow_as_foreground(), score.shadow),
+        format!("shadow       {:.3} of its {} pixels marked as moving", score.shadow_as_foreground(), score.shadow),
         format!("time         {:.2} ms a frame, the median", outcome.ms_per_frame()),
     ];
     if outcome.not_compensated > 0 {
         lines.push(format!("motion       not compensated in {} frames", outcome.not_compensated));
     }
-    if let Some((number, refusal)) = &outcome.refusal {
-        lines.push(format!("refused      {} frames, the first is {number}: {refusal}", outcome.refused));
+    if let Some((number, reason)) = &outcome.first_refused {
+        lines.push(format!("refused      {} frames, the first is {number}: {reason}", outcome.refused));
     }
     if let Some(out) = &options.out {
         lines.push(format!("pictures     {}", out.display()));

@@ -1,4 +1,4 @@
-//! The picture of a judged drive.
+//! The picture of a scored drive.
 
 use evaluate::Trial;
 use std::path::{Path, PathBuf};

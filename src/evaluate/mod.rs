@@ -1,4 +1,4 @@
-//! `stillmap evaluate`: how good results are, against the truth.
+//! `stillmap evaluate`: scores results against the truth.
 
 mod camera;
 mod chain;
@@ -55,15 +55,17 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
     let report = match (&options.command, &drives.run) {
         (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
         (None, Some(run)) => {
-            let judged = recording::judge(run)?;
+            let scored = recording::score(run)?;
             if let Some(folder) = &drives.out {
-                let path = write_comparison(folder, &judged.trial)?;
+                let path = write_comparison(folder, &scored.trial)?;
                 tracing::info!("wrote {}", path.display());
             }
-            if !judged.with_reference {
-                tracing::warn!("the world of the drive is not at hand: what needs the drive without walkers is judged by the true labels");
+            if !scored.with_reference {
+                tracing::warn!(
+                    "the world of the drive is not found: instead of the drive without walkers, the map of perfect verdicts is the reference"
+                );
             }
-            Report::of(vec![Row::new(run.display().to_string(), None, None, &judged.trial)])
+            Report::of(vec![Row::new(run.display().to_string(), None, None, &scored.trial)])
         }
         (None, None) => sweep::sweep(drives, bars)?,
     };
@@ -75,9 +77,9 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
     Ok(())
 }
 
-/// Judges the log of a drive that has just ended, puts the walkers' ways into its comparison, and says the figures in a line.
-pub(crate) fn conclude(folder: &Path, log: &Path) -> anyhow::Result<String> {
-    let judged = recording::judge(log)?;
-    write_comparison(folder, &judged.trial)?;
-    Ok(report::sentence(&judged.trial))
+/// Scores the log of a drive that has ended and adds the walkers' paths to its comparison; the figures in a line.
+pub(crate) fn score_run(folder: &Path, log: &Path) -> anyhow::Result<String> {
+    let scored = recording::score(log)?;
+    write_comparison(folder, &scored.trial)?;
+    Ok(report::sentence(&scored.trial))
 }

@@ -1,4 +1,4 @@
-//! The log of a drive, judged.
+//! Scores the drive of a log.
 
 use super::chain::chain;
 use crate::exit::BadInput;
@@ -8,19 +8,19 @@ use settings::Settings;
 use simulator::{Body, World};
 use std::path::Path;
 
-/// Name of the log in the folder of a run, and of the world that the demo leaves beside it.
+/// Names of the log in the folder of a run, and of the world that the demo writes beside it.
 const LOG: &str = "drive.mcap";
 const WORLD: &str = "world.toml";
 
-/// A drive from its log, judged.
-pub(crate) struct Judged {
+/// The score of a recorded drive.
+pub(crate) struct Scored {
     pub(crate) trial: Trial,
-    /// The world was at hand, to drive through it without walkers.
+    /// The file of the world was found, to simulate the drive without walkers.
     pub(crate) with_reference: bool,
 }
 
-/// Judges a run by its log or its folder.
-pub(crate) fn judge(run: &Path) -> anyhow::Result<Judged> {
+/// Scores a run, given its log or its folder.
+pub(crate) fn score(run: &Path) -> anyhow::Result<Scored> {
     let log = if run.is_dir() { run.join(LOG) } else { run.to_owned() };
     let text = Log::open(&log)?.preamble().settings.clone();
     let settings = Settings::parse(&format!("{}: its settings", log.display()), &text)?;
@@ -29,7 +29,7 @@ pub(crate) fn judge(run: &Path) -> anyhow::Result<Judged> {
     let chain = chain(&settings);
     let reference = without_walkers(&log, &settings, &chain)?;
     let trial = Trial::judge(&drive, &outcome, reference.as_ref(), &chain)?;
-    Ok(Judged { trial, with_reference: reference.is_some() })
+    Ok(Scored { trial, with_reference: reference.is_some() })
 }
 
 fn read(log: &Path) -> anyhow::Result<Recorded> {
@@ -43,7 +43,7 @@ fn read(log: &Path) -> anyhow::Result<Recorded> {
     })
 }
 
-/// Every message of one stream. What is damaged was said when the log was made, and is passed over.
+/// Every message of one stream. Damaged parts of the log are skipped.
 fn stream<T: Logged>(log: &Path) -> anyhow::Result<Vec<Numbered<T>>> {
     let mut log = Log::open(log)?;
     let mut messages = Vec::new();
@@ -55,7 +55,7 @@ fn stream<T: Logged>(log: &Path) -> anyhow::Result<Vec<Numbered<T>>> {
     Ok(messages)
 }
 
-/// The map of the same drive without walkers, where the world's file still is.
+/// The map of the same drive without walkers, if the file of the world is found.
 fn without_walkers(log: &Path, settings: &Settings, chain: &Chain) -> anyhow::Result<Option<Occupancy>> {
     let beside = log.with_file_name(WORLD);
     let Some(path) = [&settings.simulator.world, &beside].into_iter().find(|path| path.is_file()) else { return Ok(None) };

@@ -1,18 +1,18 @@
-//! Figures of drives, for people and as JSON.
+//! The scores of drives, as a table and as JSON.
 
 use evaluate::{Detection, Score, Tally, Trial};
 use serde::Serialize;
 use std::fmt::{Display, Formatter};
 
-/// The figures of several drives.
+/// The scores of several drives.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     #[serde(flatten)]
-    whole: Figures,
+    total: Figures,
     runs: Vec<Row>,
 }
 
-/// The figures of one drive.
+/// The score of one drive.
 #[derive(Debug, Serialize)]
 pub(crate) struct Row {
     run: String,
@@ -24,7 +24,7 @@ pub(crate) struct Row {
     counts: Counts,
 }
 
-/// What adds up over drives.
+/// Counts that are summed over drives.
 #[derive(Debug, Clone, Default)]
 struct Counts {
     tally: Tally,
@@ -39,7 +39,7 @@ struct Figures {
     score: Score,
     ghosts_before: usize,
     ghosts_after: usize,
-    /// Median distance of a walker from the nearest track, m; none without tracks.
+    /// Median distance of a walker from the nearest track, m; `None` without tracks.
     track_error_m: Option<f64>,
     std: StdFigures,
 }
@@ -68,7 +68,7 @@ impl Counts {
     }
 
     fn figures(&self) -> Figures {
-        let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
+        let share = |part: usize, total: usize| if total == 0 { 0.0 } else { part as f64 / total as f64 };
         let seen = &self.detection;
         Figures {
             score: self.tally.score(),
@@ -93,10 +93,10 @@ impl Row {
 
 impl Report {
     pub(crate) fn of(runs: Vec<Row>) -> Self {
-        Self { whole: Counts::sum(runs.iter().map(|row| &row.counts)).figures(), runs }
+        Self { total: Counts::sum(runs.iter().map(|row| &row.counts)).figures(), runs }
     }
 
-    /// Runs and numbers of walkers in the order in which they first come.
+    /// Runs and numbers of walkers in the order of their first rows.
     fn groups(&self) -> Vec<(&str, Option<u32>)> {
         let mut groups: Vec<(&str, Option<u32>)> = Vec::new();
         for row in &self.runs {
@@ -113,7 +113,7 @@ const HEAD: [&str; 9] =
     ["walkers", "drives", "ghosts", "removed", "walls lost", "vs empty", "F1", "STD precision/recall/alarms per min", "track"];
 
 impl Display for Report {
-    /// A line for each run or world and number of walkers, and one for all.
+    /// A row for each run, or world and number of walkers, and one for all.
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         let groups = self.groups();
         let wide = groups.iter().map(|(run, _)| run.chars().count()).max().unwrap_or(0).max("all".len());
@@ -131,7 +131,7 @@ impl Display for Report {
             writeln!(f, "{run:wide$}  {walkers:>7}  {:>6}  {figures}", rows.len())?;
         }
         if groups.len() > 1 {
-            writeln!(f, "{:wide$}  {:>7}  {:>6}  {}", "all", "", self.runs.len(), self.whole)?;
+            writeln!(f, "{:wide$}  {:>7}  {:>6}  {}", "all", "", self.runs.len(), self.total)?;
         }
         Ok(())
     }
@@ -150,7 +150,7 @@ impl Display for Figures {
     }
 }
 
-/// The figures of one drive in a line.
+/// The score of one drive in a sentence.
 pub(crate) fn sentence(trial: &Trial) -> String {
     let score = trial.tally.score();
     let (before, after) = (trial.tally.ghosts_before, trial.tally.ghosts_after);

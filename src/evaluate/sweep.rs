@@ -1,4 +1,4 @@
-//! Worlds, seeds and numbers of walkers, driven through and judged side by side.
+//! Simulates and scores drives through worlds, for seeds and numbers of walkers, on all processors.
 
 use super::chain::chain;
 use super::comparison::write_comparison;
@@ -54,7 +54,7 @@ pub(crate) struct DriveArgs {
     pub(crate) json: bool,
 }
 
-/// What decides about readings in a sweep.
+/// Method of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Rule {
     /// The method of the settings, with sonars and camera
@@ -65,39 +65,39 @@ pub(crate) enum Rule {
     Paper,
 }
 
-/// A world as its file has it.
+/// A world with the text of its file.
 struct World {
     name: String,
     text: String,
-    /// Nobody walks there.
+    /// It has no walkers.
     empty: bool,
 }
 
-/// One drive to make.
+/// A drive to simulate.
 struct Task<'a> {
     name: &'a str,
     text: &'a str,
     seed: u64,
-    /// `None`: those of the file.
+    /// `None` for the walkers of the file.
     walkers: Option<u32>,
 }
 
-/// Makes every drive and says what came of each, in the order of worlds, numbers of walkers and seeds.
+/// Simulates and scores every drive, in the order of worlds, numbers of walkers and seeds.
 pub(super) fn sweep(options: &DriveArgs, bars: &MultiProgress) -> anyhow::Result<Report> {
-    let settings = sections(options)?;
+    let settings = drive_settings(options)?;
     let worlds = options.world.iter().map(|path| read(path)).collect::<anyhow::Result<Vec<_>>>()?;
     let walkers: Vec<Option<u32>> =
         if options.walkers.is_empty() { vec![None] } else { options.walkers.iter().copied().map(Some).collect() };
     let mut tasks = Vec::new();
     for World { name, text, empty } in &worlds {
-        // Where nobody walks there is nobody to make more of: it shows what walls cost for nothing.
+        // A world without walkers shows the walls that the filter removes for nothing.
         let walkers = if *empty { &[Some(0)][..] } else { &walkers };
         for &walkers in walkers {
             tasks.extend((options.seeds.first..=options.seeds.last).map(|seed| Task { name, text, seed, walkers }));
         }
     }
     let bar = bars.add(ProgressBar::new(tasks.len() as u64));
-    let result = side_by_side(&tasks, |task| {
+    let result = in_parallel(&tasks, |task| {
         let row = drive(task, &settings, options)?;
         bar.inc(1);
         Ok(row)
@@ -106,8 +106,8 @@ pub(super) fn sweep(options: &DriveArgs, bars: &MultiProgress) -> anyhow::Result
     Ok(Report::of(result?))
 }
 
-/// The sections that the drives go by.
-fn sections(options: &DriveArgs) -> anyhow::Result<Settings> {
+/// The settings of the drives.
+fn drive_settings(options: &DriveArgs) -> anyhow::Result<Settings> {
     let mut settings = match &options.settings {
         Some(path) => Settings::read(path)?,
         None => Settings::parse("demo.toml", built_in::DEMO)?,
@@ -153,7 +153,7 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::R
     Ok(Row::new(task.name.to_owned(), Some(task.seed), task.walkers, &trial))
 }
 
-/// How the pretended background subtraction fails.
+/// The errors of the simulated background subtraction.
 fn failings(settings: &Settings, options: &DriveArgs) -> Failings {
     let usual = Failings::of_settings(&settings.simulator.camera);
     if options.rule == Rule::Paper {
@@ -167,8 +167,8 @@ fn failings(settings: &Settings, options: &DriveArgs) -> Failings {
     }
 }
 
-/// Does every task, as many at once as the machine has processors; the results in the order of the tasks, or the first error.
-fn side_by_side<T: Sync, R: Send>(tasks: &[T], work: impl Fn(&T) -> anyhow::Result<R> + Sync) -> anyhow::Result<Vec<R>> {
+/// Runs every task on as many threads as there are processors; the results in the order of the tasks, or the first error.
+fn in_parallel<T: Sync, R: Send>(tasks: &[T], work: impl Fn(&T) -> anyhow::Result<R> + Sync) -> anyhow::Result<Vec<R>> {
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, anyhow::Result<R>)>> = Mutex::new(Vec::new());
     let at_once = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).min(tasks.len());
@@ -206,10 +206,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_come_in_the_order_of_the_tasks_whoever_is_done_first() {
+    fn results_are_in_the_order_of_the_tasks() {
         let numbers: Vec<u64> = (0..100).collect();
-        assert_eq!(side_by_side(&numbers, |number| Ok(number * number)).unwrap(), numbers.iter().map(|n| n * n).collect::<Vec<_>>());
-        let error = side_by_side(&numbers, |number| if *number >= 50 { Err(anyhow::anyhow!("{number}")) } else { Ok(()) }).unwrap_err();
+        assert_eq!(in_parallel(&numbers, |number| Ok(number * number)).unwrap(), numbers.iter().map(|n| n * n).collect::<Vec<_>>());
+        let error = in_parallel(&numbers, |number| if *number >= 50 { Err(anyhow::anyhow!("{number}")) } else { Ok(()) }).unwrap_err();
         assert_eq!(error.to_string(), "50");
     }
 }

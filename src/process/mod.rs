@@ -1,4 +1,4 @@
-//! `stillmap process KIND`: one process of a deployment, told by its environment where it belongs.
+//! `stillmap process KIND`: one process of a deployment. Its environment names the deployment.
 //!
 //! A module here is the wiring of one process: streams in, the algorithm's step, streams out.
 

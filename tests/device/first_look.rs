@@ -46,7 +46,7 @@ fn the_list_tells_formats_sizes_and_controls() {
         "/dev/video0: permission denied: is this user in the group that may use it (video)?"
     );
     vivid::pull();
-    assert_eq!(refused(&bench.output(["camera", "list"])), "no camera: there is no /dev/video*; is it plugged in?");
+    assert_eq!(refused(&bench.output(["camera", "list"])), "no camera: there is no /dev/video*. Is it plugged in?");
     vivid::plug();
 }
 

@@ -1,4 +1,4 @@
-//! What people look at: pictures of frame, mask and truth side by side, and the three as a log for Foxglove.
+//! Pictures of frame, mask and truth side by side, and a log of the three for Foxglove.
 
 use crate::drive::make_folder;
 use anyhow::{Context, Result};
@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 
 /// Topics of the log, in the order of the pictures.
 const TOPICS: [&str; 3] = ["camera/frame", "camera/mask", "camera/truth"];
-/// The log's name.
+/// Name of the log.
 const LOG: &str = "camera.mcap";
-/// Columns between pictures, px, and their shade.
+/// Width of the gap between two pictures, px, and its grey value.
 const GAP: usize = 4;
 const GAP_SHADE: u8 = 128;
 
@@ -28,7 +28,7 @@ pub(super) struct Album {
 }
 
 impl Album {
-    /// Makes the folder, if it is not there, and an empty log in it.
+    /// Creates the folder, if it is missing, and an empty log in it.
     pub(super) fn new(folder: &Path) -> Result<Self> {
         make_folder(folder)?;
         let path = folder.join(LOG);
@@ -79,11 +79,11 @@ fn raw_image(picture: &Plane<u8>, stamp_ns: u64) -> RawImage {
 fn side_by_side(pictures: [&Plane<u8>; 3]) -> GrayImage {
     let [frame, ..] = pictures;
     let (width, height) = (frame.width(), frame.height());
-    let whole = pictures.len() * (width + GAP) - GAP;
-    let mut out = GrayImage::from_pixel(whole as u32, height as u32, image::Luma([GAP_SHADE]));
-    for (v, line) in out.chunks_exact_mut(whole).enumerate() {
-        for (place, picture) in line.chunks_mut(width + GAP).zip(pictures) {
-            place[..width].copy_from_slice(picture.row(v));
+    let total_width = pictures.len() * (width + GAP) - GAP;
+    let mut out = GrayImage::from_pixel(total_width as u32, height as u32, image::Luma([GAP_SHADE]));
+    for (v, line) in out.chunks_exact_mut(total_width).enumerate() {
+        for (row, picture) in line.chunks_mut(width + GAP).zip(pictures) {
+            row[..width].copy_from_slice(picture.row(v));
         }
     }
     out

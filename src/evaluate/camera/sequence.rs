@@ -1,4 +1,4 @@
-//! Frames and their truth, picture by picture.
+//! Frames with their truth, read picture by picture.
 
 use crate::exit::BadInput;
 use anyhow::Result;
@@ -62,7 +62,7 @@ impl Sequence {
         self.frames.bytes
     }
 
-    /// How much of that was read.
+    /// Number of bytes read of it.
     pub(super) fn offset(&self) -> u64 {
         self.frames.reader.offset()
     }
