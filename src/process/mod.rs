@@ -9,6 +9,7 @@ pub mod std;
 
 mod injector;
 mod recorder;
+mod robot;
 mod viewer;
 
 use crate::exit::BadInput;
