@@ -3,10 +3,11 @@
 use crate::args::RunOptions;
 use crate::exit::BadInput;
 use crate::page::Page;
-use crate::progress::Progress;
+use crate::process::mapping::DOUBTFUL_POSES;
+use crate::progress::{self, Progress};
 use crate::{exit, output};
 use indicatif::MultiProgress;
-use messages::MapSummary;
+use messages::{DeploymentStatus, MapSummary};
 use settings::{BuiltIn, Name, Settings};
 use std::path::Path;
 use std::time::Instant;
@@ -55,8 +56,10 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     let started = Instant::now();
     let mut progress = Progress::new(bars);
     let mut page = Page::of(settings, open);
+    let mut doubtful_poses = 0;
     let result = supervisor::run(settings, options, &mut |report| {
         if let Report::Status(status) = report {
+            doubtful_poses = doubtful_poses.max(count(status, DOUBTFUL_POSES));
             progress.show(status);
             page.update(status);
         }
@@ -64,7 +67,17 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     progress.end();
     let outcome = result?;
     summarize(settings, &outcome, started.elapsed().as_secs_f64())?;
+    if doubtful_poses > 0 {
+        let gaps = if doubtful_poses == 1 { "1 gap".to_owned() } else { format!("{doubtful_poses} gaps") };
+        output::line(&format!("poses      DOUBTFUL after {gaps}: the map may be shifted from there on"))?;
+    }
     Ok(outcome.exit_code())
+}
+
+/// The sum of the processes' counters of this name.
+fn count(status: &DeploymentStatus, name: &str) -> u64 {
+    let processes = status.processes.iter().take(status.count as usize);
+    processes.filter_map(|process| progress::counter(process, name)).sum()
 }
 
 fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Result<()> {

@@ -72,7 +72,7 @@ pub(crate) fn of_bytes(bars: &MultiProgress, total: u64) -> ProgressBar {
     bars.add(ProgressBar::new(total)).with_style(bar_style())
 }
 
-fn counter(process: &ProcessStatus, name: &str) -> Option<u64> {
+pub(crate) fn counter(process: &ProcessStatus, name: &str) -> Option<u64> {
     let counters = process.counters.iter().take(process.counters_count as usize);
     counters.into_iter().find(|counter| counter.name.as_str() == name).map(|counter| counter.value)
 }

@@ -36,7 +36,7 @@ pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE,
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
 pub use name::{Text, padded_text};
 pub use registry::{SERVICES, visit_services};
-pub use scan::{MAX_READINGS, Pose, SonarReading, SonarScan};
+pub use scan::{AFTER_DOUBT, AFTER_LOSS, MAX_READINGS, Pose, SonarReading, SonarScan};
 pub use service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};
 pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, MAX_TRUE_WALKERS, Surface, TrueReading, TruthScan, TruthSurfaces};
 pub use verdict::{

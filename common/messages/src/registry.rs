@@ -136,7 +136,7 @@ services! {
     /// What the sonars measured since the last packet, with the robot's pose.
     message SonarScan {
         name: "robot/scan",
-        version: 1,
+        version: 2,
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,

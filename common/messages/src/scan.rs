@@ -7,6 +7,13 @@ use crate::service::{at_most, finite, within};
 /// Most readings in one scan.
 pub const MAX_READINGS: usize = 16;
 
+/// [`SonarScan::after_gap`]: packets were lost before the scan, or the link was down; the pose follows from the robot's counters.
+pub const AFTER_LOSS: u32 = 1;
+
+/// [`SonarScan::after_gap`]: what the robot did before the scan is not known. From here on poses may be off against those before by
+/// metres and any turn.
+pub const AFTER_DOUBT: u32 = 2;
+
 plain! {
     /// A place and direction in the plane.
     pub struct Pose {
@@ -40,7 +47,8 @@ plain! {
         pub readings: [SonarReading; MAX_READINGS] => count,
         /// Number of readings, at most [`MAX_READINGS`].
         pub count: u32,
-        /// 1 when packets were lost or the link was down before this scan, 0 otherwise.
+        /// 0 when nothing was lost before this scan, [`AFTER_LOSS`] when packets were lost and the pose is right all the same,
+        /// [`AFTER_DOUBT`] when the robot may have moved without the odometry knowing.
         pub after_gap: u32,
     }
 }
@@ -86,6 +94,12 @@ impl SonarScan {
         &self.readings[..(self.count as usize).min(MAX_READINGS)]
     }
 
+    /// Whether poses from this scan on may be off against those before.
+    #[must_use]
+    pub fn is_doubtful(&self) -> bool {
+        self.after_gap >= AFTER_DOUBT
+    }
+
     /// A scan of at most [`MAX_READINGS`] readings; further ones are left out.
     #[must_use]
     pub fn new(pose: Pose, readings: &[SonarReading], after_gap: bool) -> Self {
@@ -100,7 +114,7 @@ impl SonarScan {
     pub(crate) fn check(&self) -> Result<(), Invalid> {
         self.pose.validate()?;
         at_most("count", self.count, MAX_READINGS, "at most 16")?;
-        at_most("after_gap", self.after_gap, 1, "0 or 1")?;
+        at_most("after_gap", self.after_gap, AFTER_DOUBT as usize, "0 to 2")?;
         for reading in self.readings() {
             within("readings.mount.x_m", reading.mount.x_m, -10.0, 10.0, "within 10 m of the robot")?;
             within("readings.mount.y_m", reading.mount.y_m, -10.0, 10.0, "within 10 m of the robot")?;

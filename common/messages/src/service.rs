@@ -11,7 +11,7 @@ use crate::delivery::{Qos, Replay};
 /// use stillmap_messages::{Payload, SonarScan};
 ///
 /// let service = SonarScan::SERVICE;
-/// assert_eq!((service.name, service.version), ("robot/scan", 1));
+/// assert_eq!((service.name, service.version), ("robot/scan", 2));
 /// assert!(service.sequenced && service.injectable);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

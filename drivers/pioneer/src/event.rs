@@ -4,6 +4,7 @@ use psos::{Identity, Model};
 
 use crate::condition::Condition;
 use crate::odometry::Step;
+use crate::scanner::Doubt;
 
 /// Something that a person may want to know.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,6 +62,11 @@ pub enum Event {
         silence_s: f64,
         /// Packets that arrived damaged meanwhile.
         damaged: u64,
+    },
+    /// From here on the pose may be off against the map before.
+    PoseDoubtful {
+        /// Why.
+        doubt: Doubt,
     },
     /// The robot answers like one that has been switched off and on.
     RobotRestarted,
@@ -134,6 +140,16 @@ impl std::fmt::Display for Event {
             Self::LinkLost { silence_s, damaged } => {
                 write!(f, "link lost: no intact packet for {silence_s:.1} s, {damaged} damaged ones; connecting anew")
             }
+            Self::PoseDoubtful { doubt: Doubt::Wraps { elapsed_s, wrap_m, reach_m } } => write!(
+                f,
+                "POSE DOUBTFUL: in {elapsed_s:.1} s without a packet the robot may have gone {reach_m:.1} m, and its counters wrap around \
+                 every {wrap_m:.2} m; the map from here on may be shifted by that against the map before"
+            ),
+            Self::PoseDoubtful { doubt: Doubt::Restarted { elapsed_s } } => write!(
+                f,
+                "POSE DOUBTFUL: the robot's counters have started anew after {elapsed_s:.1} s without it; the pose goes on from where it \
+                 was, which is right only if the robot has not moved meanwhile"
+            ),
             Self::RobotRestarted => write!(f, "the robot has been switched off and on; connecting anew"),
             Self::ConditionBegan { condition, words } => write!(f, "{words}{}", hint(*condition)),
             Self::ConditionEnded { words, lasted_s, .. } => write!(f, "over after {lasted_s:.1} s: {words}"),

@@ -14,7 +14,8 @@
 //! | [`recording`] | decodes what somebody has recorded |
 //! | [`probe()`] | asks who is on a port |
 //!
-//! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so.
+//! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so. *Doubt*: a gap in which
+//! the robot may have moved without the counters telling where to.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod arrivals;
@@ -47,5 +48,5 @@ pub use parameters::Parameters;
 pub use probe::{Answer, ProbeError, probe};
 pub use process::{PioneerError, run};
 pub use readings::{Readings, readings};
-pub use scanner::{Refusals, Scanner};
+pub use scanner::{Doubt, Refusals, Scanner};
 pub use session::Session;

@@ -7,6 +7,9 @@
 //! - it fits the refused one, and the whole is within the limits of speed: the robot was pushed, and the pose follows;
 //! - it fits the refused one only: the counters have started anew elsewhere (switched off and on, set to zero), and the pose goes
 //!   on from where it was. It never jumps.
+//!
+//! After a silence, several steps that differ by whole wraps may all be within the limits. The one nearest to the prediction is taken
+//! then, as a guess.
 
 use messages::Pose;
 
@@ -27,6 +30,10 @@ const WRAP_SEEN_S: f64 = 0.3;
 /// Longest time over which the last velocity says anything about the next step, s. With a modulus of 2^15 a Pioneer 1's
 /// x and y wrap every 1.66 m: after a silence this unwinds both a robot at 0.4 m/s that went on for up to 4 s and one that stopped at once.
 const PREDICTION_S: f64 = 2.0;
+
+/// Wraps to either side of the best step that are tried as alternatives. What can be meant lies in a disc: if it holds an alternative at
+/// all, it holds one of these.
+const WRAPS: i64 = 2;
 
 /// Greatest acceleration, m/s²: six times what the robots are set to, and turning at full speed.
 const ACCELERATION_M_S2: f64 = 2.0;
@@ -92,6 +99,15 @@ pub struct Track {
 pub enum Step {
     /// Believed, and the pose has moved by it.
     Taken,
+    /// The pose has moved by it, but with as much right the counters mean a step that differs by whole wraps.
+    Guessed {
+        /// Distance between two such steps, m.
+        wrap_m: f64,
+        /// How far the robot may have gone, m.
+        reach_m: f64,
+        /// The time since the last step that was believed, s.
+        elapsed_s: f64,
+    },
     /// The first since the start or since the link was down: the pose stays, the robot's counters count from here.
     TakenUp,
     /// Not believed; the pose stays and the packet is of no use.
@@ -114,13 +130,15 @@ pub struct Odometry {
     track: Track,
     /// Counters that were refused last, with their stamp.
     refused: Option<(Counters, u64)>,
+    /// Time since the last step that the stamps do not tell of, ns.
+    unseen_ns: u64,
 }
 
 impl Odometry {
     /// Odometry that goes on from `track`.
     #[must_use]
     pub fn new(scale: Scale, track: Track) -> Self {
-        Self { scale, track, refused: None }
+        Self { scale, track, refused: None, unseen_ns: 0 }
     }
 
     /// The robot in the map frame.
@@ -150,6 +168,17 @@ impl Odometry {
         self.refused = None;
     }
 
+    /// Says that more time has passed than the next stamp tells: the clock stood still meanwhile.
+    pub fn add_unseen(&mut self, time_ns: u64) {
+        self.unseen_ns = self.unseen_ns.saturating_add(time_ns);
+    }
+
+    /// How far the robot may have gone since the last step that was believed, m.
+    #[must_use]
+    pub fn reach_m(&self, stamp_ns: u64) -> f64 {
+        self.scale.speed_limit_m_s * (self.elapsed_s(self.track.stamp_ns, stamp_ns) + CYCLE_S)
+    }
+
     /// Changes factors and limits, for another robot. The pose stays.
     pub fn rescale(&mut self, scale: Scale) {
         let base = self.pose();
@@ -167,17 +196,13 @@ impl Odometry {
         let claim = self.claim((self.track.last, self.track.stamp_ns), self.track.velocity, counters, stamp_ns);
         let within_limits = self.is_within_limits(&claim);
         if within_limits && self.is_near_prediction(&claim) {
-            self.take(&claim, counters, stamp_ns);
-            return Step::Taken;
+            return self.take_best(&claim, counters, stamp_ns);
         }
         let fits_refused = self
             .refused
             .is_some_and(|(before, then_ns)| self.is_within_limits(&self.claim((units(before), then_ns), [0.0; 3], counters, stamp_ns)));
         match (fits_refused, within_limits) {
-            (true, true) => {
-                self.take(&claim, counters, stamp_ns);
-                Step::Taken
-            }
+            (true, true) => self.take_best(&claim, counters, stamp_ns),
             (true, false) => {
                 self.take_up(counters, stamp_ns);
                 Step::TakenUp
@@ -207,10 +232,34 @@ impl Odometry {
         let (before, then_ns) = last;
         let now = units(counters);
         let moduli = [self.scale.modulus, self.scale.modulus, u32::from(self.scale.heading_units)];
-        let elapsed_s = (stamp_ns.saturating_sub(then_ns) as f64 / 1e9).max(CYCLE_S);
+        let elapsed_s = self.elapsed_s(then_ns, stamp_ns);
         let predicted = velocity.map(|velocity| velocity * elapsed_s.min(PREDICTION_S));
         let step = std::array::from_fn(|axis| unwrap_near(predicted[axis] as i64, now[axis] - before[axis], i64::from(moduli[axis])));
         Claim { step, predicted, elapsed_s }
+    }
+
+    fn elapsed_s(&self, then_ns: u64, stamp_ns: u64) -> f64 {
+        (stamp_ns.saturating_sub(then_ns).saturating_add(self.unseen_ns) as f64 / 1e9).max(CYCLE_S)
+    }
+
+    /// Takes a step that can be meant, and tells whether another one can as well.
+    fn take_best(&mut self, claim: &Claim, counters: Counters, stamp_ns: u64) -> Step {
+        let others = (-WRAPS..=WRAPS).flat_map(|x| (-WRAPS..=WRAPS).map(move |y| (x, y))).filter(|&wraps| wraps != (0, 0));
+        let modulus = i64::from(self.scale.modulus);
+        let ambiguous = others.into_iter().any(|(x, y)| {
+            let [along_x, along_y, turn] = claim.step;
+            let other = Claim { step: [along_x + x * modulus, along_y + y * modulus, turn], ..*claim };
+            // How much the robot turned meanwhile is no matter: the heading's counter has a whole turn.
+            let other_m = (other.step[0] as f64).hypot(other.step[1] as f64) * self.scale.distance_m;
+            other_m <= self.scale.speed_limit_m_s * (claim.elapsed_s + CYCLE_S) && self.is_near_prediction(&other)
+        });
+        let step = Step::Guessed {
+            wrap_m: f64::from(self.scale.modulus) * self.scale.distance_m,
+            reach_m: self.reach_m(stamp_ns),
+            elapsed_s: claim.elapsed_s,
+        };
+        self.take(claim, counters, stamp_ns);
+        if ambiguous { step } else { Step::Taken }
     }
 
     fn is_within_limits(&self, claim: &Claim) -> bool {
@@ -241,6 +290,7 @@ impl Odometry {
         self.track.last = units(counters);
         self.track.stamp_ns = stamp_ns;
         self.refused = None;
+        self.unseen_ns = 0;
     }
 
     fn take_up(&mut self, counters: Counters, stamp_ns: u64) {
@@ -248,6 +298,7 @@ impl Odometry {
         let base = self.pose();
         self.track = Track { base, base_heading: last[2], last, stamp_ns, anchored: 1, ..Track::default() };
         self.refused = None;
+        self.unseen_ns = 0;
     }
 
     fn heading_rad(&self) -> f64 {
@@ -351,7 +402,7 @@ mod tests {
                 let moved = (pose.x_m - before.0.x_m).hypot(pose.y_m - before.0.y_m);
                 let turned = (pose.yaw_rad - before.0.yaw_rad).abs();
                 match step {
-                    Step::Taken => {
+                    Step::Taken | Step::Guessed { .. } => {
                         let time_s = ((stamp_ns - before.1) as f64 / 1e9).max(CYCLE_S) + CYCLE_S;
                         prop_assert!(moved <= time_s + 1e-9 && turned <= 3.0 * time_s + 1e-9);
                         before = (pose, stamp_ns);
@@ -433,6 +484,56 @@ mod tests {
         }
         assert_eq!(named, [Some(4096); 3]);
         assert!(matches!(driven().step(counters(0, 0, 300, 32768), 20 * CYCLE_NS), Step::Refused { modulus: None, .. }));
+    }
+
+    /// What a silence of so many cycles makes of a robot that drives on at 0.4 m/s.
+    fn after_silence(cycles: i64, scale: Scale) -> (Step, f64) {
+        let mut odometry = Odometry::new(scale, Track::default());
+        let units = (0.04 / scale.distance_m) as i64;
+        let modulus = i64::from(scale.modulus);
+        for packet in 0..20 {
+            assert!(matches!(
+                odometry.step(counters(packet * units, 0, 0, modulus), packet as u64 * CYCLE_NS),
+                Step::Taken | Step::TakenUp
+            ));
+        }
+        let last = 19 + cycles;
+        let step = odometry.step(counters(last * units, 0, 0, modulus), last as u64 * CYCLE_NS);
+        (step, odometry.pose().x_m - last as f64 * units as f64 * scale.distance_m)
+    }
+
+    #[test]
+    fn a_silence_that_the_counters_bridge_leaves_no_doubt() {
+        for cycles in [2, 5, 8] {
+            let (step, off_m) = after_silence(cycles, SCALE);
+            assert_eq!(step, Step::Taken, "{cycles}");
+            assert!(off_m.abs() < 1e-9);
+        }
+        // A P3-DX wraps every 15.9 m: at 1 m/s at the most, 7.5 s are no matter.
+        let p3_dx = Scale { distance_m: 0.485e-3, heading_units: 4096, ..SCALE };
+        let (step, off_m) = after_silence(75, p3_dx);
+        assert_eq!((step, off_m.abs() < 1e-9), (Step::Taken, true));
+        assert!(matches!(after_silence(160, p3_dx).0, Step::Guessed { .. }), "16 s are");
+    }
+
+    #[test]
+    fn a_silence_longer_than_a_wrap_is_a_guess_with_its_size() {
+        let (step, off_m) = after_silence(30, SCALE);
+        let Step::Guessed { wrap_m, reach_m, elapsed_s } = step else { unreachable!("{step:?}") };
+        assert!((wrap_m - 1.66).abs() < 1e-3 && (reach_m - 3.1).abs() < 1e-9 && (elapsed_s - 3.0).abs() < 1e-9);
+        assert!(off_m.abs() < 1e-9, "the nearest to the prediction was right this time");
+        let (step, off_m) = after_silence(75, SCALE);
+        assert!(matches!(step, Step::Guessed { .. }) && off_m.abs() > 1.6, "and wrong by a wrap that time: {off_m}");
+    }
+
+    #[test]
+    fn time_that_the_stamps_do_not_tell_counts() {
+        let mut odometry = driven();
+        odometry.add_unseen(6_000_000_000);
+        assert!(
+            matches!(odometry.step(counters(20 * 790, 0, 0, 32768), 20 * CYCLE_NS), Step::Guessed { elapsed_s, .. } if elapsed_s > 6.0)
+        );
+        assert_eq!(odometry.step(counters(21 * 790, 0, 0, 32768), 21 * CYCLE_NS), Step::Taken);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! From status packets to scans: factors, odometry, plausibility.
 
-use messages::{Pose, SonarScan};
+use messages::{AFTER_DOUBT, AFTER_LOSS, Pose, SonarScan};
 use psos::{Model, Sip};
 
 use crate::odometry::{Counters, Odometry, Scale, Step, Track};
@@ -20,6 +20,25 @@ pub struct Refusals {
     pub repeated: u64,
 }
 
+/// Why a pose may be off against those before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// After a silence the counters may have wrapped around more than once.
+    Wraps {
+        /// The silence, s.
+        elapsed_s: f64,
+        /// Distance in which the counters wrap around, m.
+        wrap_m: f64,
+        /// How far the robot may have gone, m.
+        reach_m: f64,
+    },
+    /// The counters have started anew while the robot was not connected: the pose stays.
+    Restarted {
+        /// Time without the robot, s.
+        elapsed_s: f64,
+    },
+}
+
 /// Makes scans of the status packets of one robot.
 #[derive(Debug, Clone)]
 pub struct Scanner {
@@ -27,8 +46,10 @@ pub struct Scanner {
     model: &'static Model,
     ring: Vec<Pose>,
     odometry: Odometry,
-    /// Something was lost since the last scan.
-    gap: bool,
+    /// What was lost since the last scan, as [`SonarScan::after_gap`].
+    gap: u32,
+    /// Why the pose of the last scan is doubtful, until it is asked for.
+    doubt: Option<Doubt>,
     refusals: Refusals,
 }
 
@@ -41,7 +62,8 @@ impl Scanner {
             ring: parameters.ring_of(model),
             parameters: parameters.clone(),
             model,
-            gap: false,
+            gap: 0,
+            doubt: None,
             refusals: Refusals::default(),
         }
     }
@@ -63,18 +85,30 @@ impl Scanner {
 
     /// Says that something was lost: the next scan is marked.
     pub fn mark_gap(&mut self) {
-        self.gap = true;
+        self.gap = self.gap.max(AFTER_LOSS);
+    }
+
+    /// Says that more time has passed than stamps tell: the clock stood still meanwhile.
+    pub fn add_unseen(&mut self, time_ns: u64) {
+        self.odometry.add_unseen(time_ns);
+    }
+
+    /// Why the pose of the last scan is doubtful, if it is; said once.
+    pub fn take_doubt(&mut self) -> Option<Doubt> {
+        self.doubt.take()
     }
 
     /// Counts a status packet that cannot be read.
     pub fn refuse_packet(&mut self) {
         self.refusals.packets += 1;
-        self.gap = true;
+        self.mark_gap();
     }
 
     /// Says that the link was down: the robot's counters may start anew. The pose goes on from where it was.
     pub fn link_was_down(&mut self) {
-        self.gap |= self.odometry.track().stamp_ns > 0;
+        if self.odometry.track().stamp_ns > 0 {
+            self.mark_gap();
+        }
         self.odometry.lift();
     }
 
@@ -96,21 +130,31 @@ impl Scanner {
     /// The step, when the packet's odometry claims a motion beyond the limits. The next scan is marked then.
     pub fn scan(&mut self, sip: &Sip, stamp_ns: u64) -> Result<SonarScan, Step> {
         let counters = Counters { x: sip.x, y: sip.y, heading: sip.heading };
-        let had_track = self.odometry.track().anchored == 1;
+        let before = self.odometry.track();
         match self.odometry.step(counters, stamp_ns) {
             Step::Taken => {}
-            // Counters that start anew under way are a gap; the first ones ever are not.
-            Step::TakenUp => self.gap |= had_track,
+            Step::Guessed { wrap_m, reach_m, elapsed_s } => self.doubt(Doubt::Wraps { elapsed_s, wrap_m, reach_m }),
+            // The first counters ever.
+            Step::TakenUp if before.stamp_ns == 0 => {}
+            // They have started anew under way: two packets are missing, and no more.
+            Step::TakenUp if before.anchored == 1 => self.mark_gap(),
+            Step::TakenUp => self.doubt(Doubt::Restarted { elapsed_s: stamp_ns.saturating_sub(before.stamp_ns) as f64 / 1e9 }),
             refused @ Step::Refused { .. } => {
                 self.refusals.odometry += 1;
-                self.gap = true;
+                self.mark_gap();
                 return Err(refused);
             }
         }
         let readings = readings(&sip.readings, &self.ring, self.model.range_mm / 1e3, self.parameters.range_limit_m);
         self.refusals.readings += readings.refused;
         self.refusals.repeated += readings.repeated;
-        Ok(SonarScan::new(self.odometry.pose(), &readings.good, std::mem::take(&mut self.gap)))
+        let scan = SonarScan::new(self.odometry.pose(), &readings.good, false);
+        Ok(SonarScan { after_gap: std::mem::take(&mut self.gap), ..scan })
+    }
+
+    fn doubt(&mut self, doubt: Doubt) {
+        self.gap = AFTER_DOUBT;
+        self.doubt = Some(doubt);
     }
 }
 

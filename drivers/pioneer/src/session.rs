@@ -4,7 +4,7 @@
 //!            echo of SYNC0, SYNC1, SYNC2: OPEN
 //!  Syncing ------------------------------------> Open -- silence, restart --> Syncing
 //!     |  ^                                        ^
-//!     |  | 400 ms                                 | status packets of a session that was cut off a moment ago
+//!     |  | 400 ms                                 | status packets of a session that was cut off
 //!     v  |                                        |
 //!  Closing <-- status packets: left open ---------+
 //!          <-- an echo is missing, or a round over all baud rates was silent: left synchronised
@@ -40,10 +40,6 @@ const SONARS_SILENT_NS: u64 = 2_000_000_000;
 
 /// A silence of more than three cycles: packets were lost.
 const GAP_NS: u64 = 350_000_000;
-
-/// How long after an adapter was pulled out the robot's counters still tell where it went: over this time they unwind a robot that
-/// drove on as well as one that stopped at once (`odometry`).
-const RESUMABLE_NS: u64 = 4_000_000_000;
 
 /// Share of packets whose loss is said, and the share below which it is over: single packets are lost on every line.
 const LOSS: (f64, f64) = (0.1, 0.05);
@@ -99,9 +95,9 @@ pub struct Session {
     arrivals: Arrivals,
     scanner: Scanner,
     seq: u64,
-    /// The robot may still be in a session that was cut off, of an earlier process or before its adapter was pulled out: until this
-    /// time its status packets are taken for that session's.
-    resumable_until_ns: Option<u64>,
+    /// The robot may still be in a session that was cut off, of an earlier process or before its adapter was pulled out: its status
+    /// packets are taken for that session's, whose counters tell where it went. A robot that answers a handshake is not.
+    resumable: bool,
     /// Place of the baud rate in the parameters' list.
     baud: usize,
     tries_after_echo: u32,
@@ -116,6 +112,8 @@ pub struct Session {
     refused_in_a_row: u32,
     /// Another modulus with which refused packets would be believed, and how many of them.
     other_modulus: Option<(u32, u32)>,
+    /// Times that the pose became doubtful.
+    doubts: u64,
     duplicates: Duplicates,
     loss: PacketLoss,
     sonars: SonarWatch,
@@ -142,8 +140,7 @@ impl Session {
             arrivals: Arrivals::after(checkpoint.map_or(0, |kept| kept.stamp_ns)),
             scanner: Scanner::new(&parameters, model, track),
             seq: checkpoint.map_or(0, |kept| kept.seq),
-            // A process is back at once, whatever the clock of a fast simulation says.
-            resumable_until_ns: baud.map(|_| u64::MAX),
+            resumable: baud.is_some(),
             baud: baud.unwrap_or(0),
             tries_after_echo: 0,
             rounds: 0,
@@ -153,6 +150,7 @@ impl Session {
             battery_v: None,
             refused_in_a_row: 0,
             other_modulus: None,
+            doubts: 0,
             duplicates: Duplicates::default(),
             loss: PacketLoss::default(),
             sonars: SonarWatch::default(),
@@ -207,6 +205,17 @@ impl Session {
         self.scanner.refusals()
     }
 
+    /// Says that the clock stood still for this long: the robot had more time to move than stamps tell.
+    pub fn add_unseen(&mut self, time_ns: u64) {
+        self.scanner.add_unseen(time_ns);
+    }
+
+    /// Times that the robot may have moved without its counters telling where to.
+    #[must_use]
+    pub fn doubtful_poses(&self) -> u64 {
+        self.doubts
+    }
+
     /// Status packets that came twice.
     #[must_use]
     pub fn duplicates(&self) -> u64 {
@@ -249,7 +258,10 @@ impl Session {
             State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
             State::Open(_) => {
                 let conditions = self.conditions.words();
-                let conditions = if conditions.is_empty() { conditions } else { conditions + "; " };
+                let mut conditions = if conditions.is_empty() { conditions } else { conditions + "; " };
+                if self.doubts > 0 {
+                    conditions += &format!("POSE DOUBTFUL since {} gap{}; ", self.doubts, if self.doubts == 1 { "" } else { "s" });
+                }
                 let battery = self.battery_v.map_or_else(String::new, |volts| format!(", battery {volts:.1} V"));
                 let Rhythm { interval_s, jitter_s } = self.rhythm();
                 let (interval_ms, jitter_ms) = (interval_s * 1e3, jitter_s * 1e3);
@@ -302,7 +314,7 @@ impl Session {
 
     /// A packet that came twice shows that the line is alive, and nothing else.
     fn is_duplicate(&mut self, frame: &Frame, now_ns: u64) -> bool {
-        let duplicate = self.duplicates.is_duplicate(&frame.data, now_ns);
+        let duplicate = self.duplicates.is_duplicate(&frame.data);
         if let State::Open(open) = &mut self.state
             && duplicate
         {
@@ -318,23 +330,22 @@ impl Session {
             return;
         };
         match self.state {
-            State::Syncing { .. } => match self.resumable_until_ns.take() {
-                Some(until_ns) if now_ns <= until_ns => {
-                    self.scanner.mark_gap();
-                    self.connections += 1;
-                    out.push(Output::Event(Event::Resumed { model: self.scanner.model(), baud: self.baud() }));
-                    self.state = State::Open(self.opened(now_ns));
-                    self.publish(&sip, stamp_ns, now_ns, out);
+            State::Syncing { .. } if std::mem::take(&mut self.resumable) => {
+                self.scanner.mark_gap();
+                self.connections += 1;
+                out.push(Output::Event(Event::Resumed { model: self.scanner.model(), baud: self.baud() }));
+                self.rounds = 0;
+                self.state = State::Open(self.opened(now_ns));
+                self.publish(&sip, stamp_ns, now_ns, out);
+            }
+            State::Syncing { .. } => {
+                self.closings += 1;
+                if self.closings.is_power_of_two() {
+                    out.push(Output::Event(Event::AlreadyOpen { closings: self.closings }));
                 }
-                _ => {
-                    self.closings += 1;
-                    if self.closings.is_power_of_two() {
-                        out.push(Output::Event(Event::AlreadyOpen { closings: self.closings }));
-                    }
-                    self.disconnected();
-                    self.close(true, now_ns, out);
-                }
-            },
+                self.disconnected();
+                self.close(true, now_ns, out);
+            }
             State::Open(_) => self.publish(&sip, stamp_ns, now_ns, out),
             State::Absent | State::Closing { .. } | State::Ended => {}
         }
@@ -436,7 +447,8 @@ impl Session {
         if silence_ns >= self.parameters.link_lost_ns {
             let damaged = self.deframer.counters().bad_checksums.saturating_sub(open.damaged);
             out.extend([Output::Event(Event::LinkLost { silence_s: silence_ns as f64 / 1e9, damaged }), Output::Reopen]);
-            self.disconnected();
+            self.resumable = open.heard;
+            self.forget_conditions();
             self.state = State::Absent;
             return;
         }
@@ -510,18 +522,17 @@ impl Session {
     /// The port is gone. The robot knows nothing of it: it stays open and counts on.
     fn vanished(&mut self) {
         match self.state {
-            State::Open(Open { heard: true, .. }) => {
-                self.resumable_until_ns = Some(self.scanner.track().stamp_ns.saturating_add(RESUMABLE_NS));
-            }
-            State::Syncing { .. } if self.resumable_until_ns.is_some() => {}
+            State::Open(Open { heard, .. }) => self.resumable = heard,
+            State::Syncing { .. } if self.resumable => {}
             _ => self.disconnected(),
         }
+        self.forget_conditions();
         self.state = State::Absent;
     }
 
     /// What was known of the robot's counters holds no longer.
     fn disconnected(&mut self) {
-        self.resumable_until_ns = None;
+        self.resumable = false;
         self.scanner.link_was_down();
         self.forget_conditions();
     }
@@ -562,6 +573,10 @@ impl Session {
                 let track = self.scanner.track();
                 let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
                 out.push(Output::Publish(Box::new(kept)));
+                if let Some(doubt) = self.scanner.take_doubt() {
+                    self.doubts += 1;
+                    out.push(Output::Event(Event::PoseDoubtful { doubt }));
+                }
                 scan.count > 0
             }
             Err(step) => {

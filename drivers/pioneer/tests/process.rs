@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 
 use bus::{Domain, Reader, Received};
-use messages::SonarScan;
+use messages::{AFTER_DOUBT, SonarScan};
 use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
@@ -36,14 +36,25 @@ fn driver() {
     stillmap_pioneer::run(shell, &settings).unwrap();
 }
 
-fn start_driver(domain: &Domain, incarnation: u32, port: &Path) -> Child {
+/// A driver that does not outlive its test.
+struct Driver(Child);
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn start_driver(domain: &Domain, incarnation: u32, port: &Path) -> Driver {
     let membership = domain.membership_for("pioneer", incarnation, Path::new("settings.toml"));
-    Command::new(std::env::current_exe().unwrap())
+    let child = Command::new(std::env::current_exe().unwrap())
         .args(["driver", "--exact", "--test-threads=1"])
         .envs(membership.environment())
         .env(PORT, port)
         .spawn()
-        .unwrap()
+        .unwrap();
+    Driver(child)
 }
 
 /// The robot's end of a line. Like a robot, it keeps the line up when its client is gone.
@@ -120,9 +131,9 @@ fn scans(domain: &Domain, reader: &mut Reader<SonarScan>, until: Option<u64>) ->
     }
 }
 
-fn terminate(mut child: Child) {
-    rustix::process::kill_process(rustix::process::Pid::from_child(&child), rustix::process::Signal::TERM).unwrap();
-    assert!(child.wait().unwrap().success());
+fn terminate(mut driver: Driver) {
+    rustix::process::kill_process(rustix::process::Pid::from_child(&driver.0), rustix::process::Signal::TERM).unwrap();
+    assert!(driver.0.wait().unwrap().success());
 }
 
 /// The recording's handshake (SYNC0 to SYNC2), and its status packets one by one.
@@ -145,7 +156,7 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     let (handshake, sips) = parts(&bytes);
 
     // The driver is there before the robot is. Whatever was said before it listens, it takes.
-    let mut child = start_driver(&domain, 0, &port);
+    let driver = start_driver(&domain, 0, &port);
     let mut line = Line::open(&port);
     line.say(handshake);
     line.wait_for(psos::number::SYNC2);
@@ -153,11 +164,10 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     let mut found = scans(&domain, &mut reader, Some(200));
 
     // Killed, started again while the robot talks on: no handshake, no scan twice, no jump.
-    child.kill().unwrap();
-    child.wait().unwrap();
+    drop(driver);
     domain.remove_the_dead();
     line.say(&sips[200..230].concat());
-    let child = start_driver(&domain, 1, &port);
+    let driver = start_driver(&domain, 1, &port);
     line.say(&sips[230..].concat());
     found.extend(scans(&domain, &mut reader, Some(389)));
     assert_eq!(found.len(), 389);
@@ -176,13 +186,13 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     line.wait_for(psos::number::SYNC2);
     line.say(&sips[..100].concat());
     let again = scans(&domain, &mut reader, Some(489));
-    assert_eq!((again[0].0, again[0].2.after_gap, again[0].2.pose), (390, 1, found[388].2.pose));
+    assert_eq!((again[0].0, again[0].2.after_gap, again[0].2.pose), (390, AFTER_DOUBT, found[388].2.pose));
     let moved = |scans: &[SonarScan], to: usize| (scans[to].pose.x_m - scans[0].pose.x_m).hypot(scans[to].pose.y_m - scans[0].pose.y_m);
     let after: Vec<_> = again.iter().map(|(.., scan)| *scan).collect();
     assert!((moved(&after, 99) - moved(&expect, 99)).abs() < 1e-9);
 
     // Stopped: the robot is closed and the stream ended.
-    terminate(child);
+    terminate(driver);
     line.wait_for(psos::number::CLOSE);
     assert_eq!(scans(&domain, &mut reader, None), []);
     drop(reader);

@@ -44,6 +44,9 @@ impl Std {
     /// as one without readings.
     pub fn step(&mut self, stamp_ns: u64, scan: &SonarScan) -> SonarMotion {
         self.scan = self.scan.saturating_add(1);
+        if scan.is_doubtful() {
+            self.forget_places();
+        }
         let beams = self.beams(scan);
         let tagged = tag(self.cell, beams.iter().map(|(reading, beam)| (*reading, beam)));
         let mut moving = classes(&tagged);
@@ -52,6 +55,13 @@ impl Std {
         let tracked = self.tracks.follow(self.scan, self.parameters.span_scans, stamp_ns, &centroids_m);
         self.remember(&tagged, &beams);
         answer(&scan.pose, &moving, &centroids_m, &tracked)
+    }
+
+    /// The poses from here on may be off against those before: against the old places every wall would move.
+    fn forget_places(&mut self) {
+        self.tvm = TimeVariantMap::default();
+        self.seen_free = SeenFree::new(Lattice::new(self.cell));
+        self.tracks.clear();
     }
 
     /// The tracks that are alive.
@@ -159,6 +169,17 @@ mod tests {
         let mover = &motions[3].movers()[0];
         assert_eq!((mover.readings, mover.track), (1, 1));
         assert!((mover.robot_x_m - 1.0).abs() < 0.05 && mover.robot_y_m.abs() < 0.03 && mover.cells > 12, "{mover:?}");
+    }
+
+    #[test]
+    fn after_a_doubtful_pose_a_wall_does_not_move() {
+        let motions = |after_gap| {
+            let mut std = Std::new(Parameters { rule: Rule::Visible, ..Parameters::default() }).unwrap();
+            let shifted = SonarScan { after_gap, ..scan(&[1.0]) };
+            [scan(&[2.0]), scan(&[2.0]), shifted, scan(&[1.0])].map(|scan| std.step(1, &scan).count)
+        };
+        assert_eq!(motions(messages::AFTER_LOSS), [0, 0, 1, 0], "it stands where it was free");
+        assert_eq!(motions(messages::AFTER_DOUBT), [0; 4]);
     }
 
     #[test]

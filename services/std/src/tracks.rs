@@ -48,6 +48,11 @@ pub(crate) struct Tracked {
 }
 
 impl Tracks {
+    /// Ends every track. Identities stay used.
+    pub(crate) fn clear(&mut self) {
+        self.tracks.clear();
+    }
+
     pub(crate) fn alive(&self) -> &[Track] {
         &self.tracks
     }

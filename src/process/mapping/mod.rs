@@ -31,6 +31,9 @@ const SHOWING_PERIOD: Duration = Duration::from_millis(90);
 /// How long after the last scan the end of the verdicts is waited for, live.
 const VERDICTS_END: Duration = Duration::from_secs(5);
 
+/// The counter of scans from which on poses may be off against the map before.
+pub(crate) const DOUBTFUL_POSES: &str = "doubtful poses";
+
 /// How mapping ended that should not have.
 #[derive(Debug, thiserror::Error)]
 pub enum MappingError {
@@ -80,6 +83,8 @@ struct Mapping {
     /// Everything is integrated for good; what is left is to send and to write it.
     over: bool,
     refused: u64,
+    /// Scans from which on poses may be off against the map before.
+    doubtful: u64,
 }
 
 impl Mapping {
@@ -117,6 +122,7 @@ impl Mapping {
             scans_ended_at: None,
             over: false,
             refused: 0,
+            doubtful: 0,
             mapper,
         })
     }
@@ -139,6 +145,10 @@ impl Mapping {
             None => return Ok(false),
             Some(Received::Message(scan)) => {
                 let seq = scan.seq();
+                if scan.is_doubtful() {
+                    self.doubtful += 1;
+                    tracing::warn!("from scan {seq} on the pose is doubtful: the map may be shifted against what it was");
+                }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
                 self.note(taken);
                 if seq >= self.checkpointed + CHECKPOINT_SCANS {
@@ -234,6 +244,7 @@ impl Mapping {
         context.count("readings undecided", counts.undecided);
         context.count("scans pending", self.mapper.pending_scans() as u64);
         context.count("inputs refused", self.refused);
+        context.count(DOUBTFUL_POSES, self.doubtful);
     }
 
     /// Integrates what is pending. Saved before: should the end fail, the next incarnation goes on from there.

@@ -31,6 +31,8 @@ pub(crate) struct Robot {
     /// Metres travelled.
     pub x_m: f64,
     pub m_per_cycle: f64,
+    /// Where it was when it was opened.
+    pub opened_at_m: f64,
     /// The number at which its counters start again from 0.
     pub modulus: u64,
     pub battery: u8,
@@ -59,6 +61,7 @@ impl Robot {
             has_sonar_command: false,
             x_m: 0.0,
             m_per_cycle: 0.03,
+            opened_at_m: 0.0,
             modulus: 32768,
             battery: 131,
             stall_bumpers: (0, 0),
@@ -97,6 +100,7 @@ impl Robot {
                 (false, number::OPEN) if self.named && std::mem::take(&mut self.misses_open) => {}
                 (false, number::OPEN) if self.named => {
                     self.open = true;
+                    self.opened_at_m = self.x_m;
                     self.next_sip_ns = now_ns + 100 * MS;
                 }
                 (false, number::CLOSE) if self.named => self.named = false,
