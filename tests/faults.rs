@@ -131,7 +131,7 @@ fn status_names_what_was_refused() {
     let inject = |words: &[&str]| bench.output(["inject"].iter().chain(words));
     let unrouted = inject(&["--service", "map/verdict", "drop"]);
     assert_eq!(unrouted.status.code(), Some(2));
-    assert!(text(&unrouted.stderr).contains("--service map/verdict does not go through an injector"), "{}", text(&unrouted.stderr));
+    assert!(text(&unrouted.stderr).contains("--service map/verdict is not routed through an injector"), "{}", text(&unrouted.stderr));
     let nobody = inject(&["--process", "mappping", "kill"]);
     assert!(text(&nobody.stderr).contains("--process mappping: deployment live has no such process"), "{}", text(&nobody.stderr));
     let impossible = inject(&["--process", "mapping", "drop"]);

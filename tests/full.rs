@@ -118,7 +118,7 @@ fn shared_memory_as_large_as_the_computers_is_not_taken() {
     let settings = bench.write("replay.toml", &replay_settings("replay", &DRIVE.1, more));
     let mut run = on_a_small_disk(&bench, Path::new("/dev/shm"), "2g", &["run", settings.to_str().unwrap()]);
     drop(run.wait_for_line("takes all free shared memory as configured, until the end"));
-    let said = run.wait_for_line("shared memory is not taken");
+    let said = run.wait_for_line("shared memory cannot be taken");
     assert!(said.contains("/dev/shm has ") && said.contains("expected at most 1073741824"), "{said}");
     let ended = run.end();
     assert_eq!(sha256_of(&ended), DRIVE.2, "{}", ended.2);
