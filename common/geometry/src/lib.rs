@@ -15,12 +15,14 @@
 //! has the default value of its type. Access takes the same time however large the map is, and tiles are listed in the order
 //! of their place, whatever the order in which they were written.
 
+mod angle;
 mod beam;
 mod lattice;
 mod place;
 mod recent;
 mod tile;
 
+pub use angle::wrapped;
 pub use beam::{Beam, InBeam};
 pub use lattice::Lattice;
 pub use place::{Cell, CellSize, CellSizeError, TileKey};

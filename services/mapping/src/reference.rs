@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use geometry::{Cell, Lattice};
+use geometry::{Cell, Lattice, wrapped};
 use messages::{Pose, SonarReading};
 use proptest::prelude::*;
 
@@ -51,7 +51,7 @@ fn reference(lattice: &Lattice<f32>, pose: &Pose, reading: &SonarReading, fades:
         .map(|cell| {
             let (dx, dy) = (cells.centre_of(cell.column) - sensor.x_m, cells.centre_of(cell.row) - sensor.y_m);
             let off = dy.atan2(dx) - sensor.yaw_rad;
-            Place { cell, z: dx.hypot(dy), theta: off.sin().atan2(off.cos()) }
+            Place { cell, z: dx.hypot(dy), theta: wrapped(off) }
         })
         .collect();
     let in_cone = |place: &Place| place.theta.abs() <= HALF_BEAM_DEG.to_radians();

@@ -1,7 +1,6 @@
 //! The algorithm of Table 1, scan by scan.
 
-use geometry::Beam;
-use geometry::{Cell, CellSize, Lattice};
+use geometry::{Beam, Cell, CellSize, Lattice, wrapped};
 use messages::{MAX_MOVERS, Mover, Payload, Pose, SonarMotion, SonarScan};
 use nalgebra::Vector2;
 
@@ -75,10 +74,8 @@ impl Std {
         if scan.validate().is_err() {
             return Vec::new();
         }
-        let ahead = scan.readings().iter().enumerate().filter(|(_, reading)| {
-            let aside_rad = reading.mount.yaw_rad.sin().atan2(reading.mount.yaw_rad.cos()).abs();
-            aside_rad <= self.parameters.aside_rad
-        });
+        let ahead =
+            scan.readings().iter().enumerate().filter(|(_, reading)| wrapped(reading.mount.yaw_rad).abs() <= self.parameters.aside_rad);
         ahead.map(|(index, reading)| (index, Beam::new(&scan.pose, reading, self.parameters.half_beam_rad))).collect()
     }
 
