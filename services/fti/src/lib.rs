@@ -15,18 +15,20 @@
 //!
 //! The service is a fold: [`Fti::step`] takes the inputs in any order of arrival and works in the order of sensor time.
 
+mod answer;
 mod arc;
 mod dwell;
-mod hearing;
+mod evidence;
+mod gating;
 mod observe;
 mod parameters;
 mod pending;
+mod pipeline;
 mod raw;
 mod region;
 mod sight;
 mod smoothed;
 mod state;
-mod step;
 mod still;
 mod streams;
 mod tables;
@@ -35,9 +37,11 @@ mod tracks;
 mod variables;
 mod verdict;
 
+pub use answer::Verdict;
+pub use evidence::Grounds;
 pub use parameters::{Action, Camera, Cue, Parameters, ParametersError, Patience, Rule};
+pub use pipeline::Fti;
 pub use state::StateError;
-pub use step::{Fti, Grounds, Verdict};
 pub use streams::Input;
 pub use tables::{Magnitude, Side, Tables};
 pub use variables::{Variable, variables};

@@ -1,106 +1,71 @@
-//! One walker against one blob or one echo.
+//! One walker against one blob or one echo, as measurements.
 
 use std::f64::consts::FRAC_PI_2;
 
-use geometry::Beam;
+use geometry::{Beam, wrapped};
 use messages::Pose;
-use nalgebra::Vector2;
-use tracking::Measured;
+use nalgebra::{Vector2, Vector4};
+use tracking::{Measured, Motion};
 
 use crate::sight::{Estimate, Sight};
-use crate::track::{Origin, Track, along, bearing};
 
 /// From the front of the nearer leg to the middle of the body, m.
 pub(crate) const ECHO_TO_MIDDLE_M: f64 = 0.12;
 /// Spread of that distance with the step, m.
 const ECHO_SD_M: f64 = 0.2;
-/// Who stands is where he was, give or take a step: an echo farther off is another's, or the wall's, m.
-const STANDS_M: f64 = 0.2;
-/// Half of a body's width, m.
-const BODY_HALF_M: f64 = 0.2;
-/// What lies farther before him than this hides him, m.
-const BEFORE_M: f64 = 0.3;
-/// A reading that goes so far beyond him shows that he is gone, m.
-const PASS_M: f64 = 0.45;
-/// An echo supports a track within this many standard deviations.
-pub(crate) const ECHO_GATE: f64 = 2.5;
 
-impl Track {
-    fn measured(&self, map_from_camera: &Pose, sight: &Sight, merged: bool) -> (Measured, Option<Measured>) {
-        let origin = Vector2::new(map_from_camera.x_m, map_from_camera.y_m);
-        let (sin, cos) = map_from_camera.yaw_rad.sin_cos();
-        let mut found = sight.bearing;
-        if merged {
-            found.variance = (found.variance.sqrt() + 0.2 * sight.width_rad).powi(2);
-        }
-        let depth = sight.depth.filter(|_| !merged).map(|depth| along(&self.motion, origin, Vector2::new(cos, sin), depth));
-        (bearing(&self.motion, origin, map_from_camera.yaw_rad, found), depth)
-    }
+/// An echo of a scan, as tracks need it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Heard<'a> {
+    pub(crate) beam: &'a Beam,
+    /// S from the past alone.
+    pub(crate) past: f64,
+    /// Its run in its sonar.
+    pub(crate) run: u64,
+    /// The run begins with it.
+    pub(crate) first: bool,
+}
 
-    pub(crate) fn chi_squared(&self, map_from_camera: &Pose, sight: &Sight) -> f64 {
-        let (bearing, depth) = self.measured(map_from_camera, sight, false);
-        let term = |m: &Measured| m.residual * m.residual / self.motion.innovation_variance(m);
-        term(&bearing) + depth.as_ref().map_or(0.0, term)
+/// A blob's bearing and, when its feet tell it and it is one walker's alone, its distance along the camera's axis.
+pub(crate) fn sighted(motion: &Motion, map_from_camera: &Pose, sight: &Sight, merged: bool) -> (Measured, Option<Measured>) {
+    let origin = Vector2::new(map_from_camera.x_m, map_from_camera.y_m);
+    let (sin, cos) = map_from_camera.yaw_rad.sin_cos();
+    let mut found = sight.bearing;
+    if merged {
+        found.variance = (found.variance.sqrt() + 0.2 * sight.width_rad).powi(2);
     }
+    let depth = sight.depth.filter(|_| !merged).map(|depth| along(motion, origin, Vector2::new(cos, sin), depth));
+    (bearing(motion, origin, map_from_camera.yaw_rad, found), depth)
+}
 
-    pub(crate) fn support_by_sight(&mut self, map_from_camera: &Pose, sight: &Sight, merged: bool, stamp_ns: u64) {
-        let (bearing, _) = self.measured(map_from_camera, sight, merged);
-        self.update(&bearing);
-        if let (_, Some(depth)) = self.measured(map_from_camera, sight, merged) {
-            self.update(&depth);
-        }
-        self.hits = self.hits.saturating_add(1);
-        self.seen_ns = stamp_ns;
-        self.unseen_ns = 0;
-        self.passed = 0;
-        self.remember();
+/// An echo's range as a measurement, and the walker's distance outside the beam, m.
+pub(crate) fn ranged(motion: &Motion, beam: &Beam) -> Option<(Measured, f64)> {
+    let place = motion.place_m();
+    let aside_m = outside_m(beam, place);
+    let origin = Vector2::from(beam.origin_m());
+    let towards = place - origin;
+    let distance_m = towards.norm();
+    if distance_m < 0.05 {
+        return None;
     }
+    let found = Estimate { value: beam.range_m() + ECHO_TO_MIDDLE_M, variance: ECHO_SD_M.powi(2) };
+    Some((along(motion, origin, towards / distance_m, found), aside_m))
+}
 
-    /// Residual of an echo's range in standard deviations; `None` where the beam does not reach the track.
-    pub(crate) fn echo_deviation(&self, beam: &Beam) -> Option<f64> {
-        let (measured, aside_m) = self.range_measured(beam)?;
-        (aside_m <= BODY_HALF_M).then(|| measured.residual / self.motion.innovation_variance(&measured).sqrt())
-    }
+/// Distance of the track from a place along a direction of length 1, as a measurement.
+fn along(motion: &Motion, origin_m: Vector2<f64>, direction: Vector2<f64>, found: Estimate) -> Measured {
+    let expected = (motion.place_m() - origin_m).dot(&direction);
+    Measured { row: Vector4::new(direction.x, direction.y, 0.0, 0.0), residual: found.value - expected, variance: found.variance }
+}
 
-    /// Whether an echo comes from where this one stands.
-    pub(crate) fn stands_at(&self, beam: &Beam) -> bool {
-        self.range_measured(beam).is_some_and(|(measured, aside_m)| aside_m <= BODY_HALF_M && measured.residual.abs() < STANDS_M)
-    }
-
-    /// An echo's range as a measurement, and the track's distance outside the beam, m.
-    fn range_measured(&self, beam: &Beam) -> Option<(Measured, f64)> {
-        let place = self.motion.place_m();
-        let aside_m = outside_m(beam, place);
-        let origin = Vector2::from(beam.origin_m());
-        let towards = place - origin;
-        let distance_m = towards.norm();
-        if distance_m < 0.05 {
-            return None;
-        }
-        let found = Estimate { value: beam.range_m() + ECHO_TO_MIDDLE_M, variance: ECHO_SD_M.powi(2) };
-        Some((along(&self.motion, origin, towards / distance_m, found), aside_m))
-    }
-
-    pub(crate) fn support_by_echo(&mut self, beam: &Beam, stamp_ns: u64) {
-        if let Some((measured, _)) = self.range_measured(beam) {
-            self.update(&measured);
-        }
-        if self.origin == Origin::Sonar {
-            self.hits = self.hits.saturating_add(1);
-        }
-        self.heard_ns = stamp_ns;
-        (self.passed, self.missed) = (0, 0);
-        self.remember();
-    }
-
-    pub(crate) fn note_passing(&mut self, beam: &Beam, stamp_ns: u64) {
-        let place = self.motion.place_m();
-        let seen = beam.see(place.x, place.y);
-        if beam.covers(seen) && self.heard_ns != stamp_ns {
-            self.passed = self.passed.saturating_add(u32::from(beam.range_m() > seen.z_m() + PASS_M));
-            self.missed = self.missed.saturating_add(u32::from(beam.range_m() > seen.z_m() - BEFORE_M));
-        }
-    }
+/// Bearing of the track from a place, against an axis, as a measurement.
+fn bearing(motion: &Motion, origin_m: Vector2<f64>, axis_rad: f64, found: Estimate) -> Measured {
+    let towards = motion.place_m() - origin_m;
+    let distance_squared = towards.norm_squared().max(0.01);
+    let turned = towards.y.atan2(towards.x) - axis_rad - found.value;
+    let residual = -wrapped(turned);
+    let row = Vector4::new(-towards.y / distance_squared, towards.x / distance_squared, 0.0, 0.0);
+    Measured { row, residual, variance: found.variance }
 }
 
 /// How far a place lies outside a beam, m; 0 inside.

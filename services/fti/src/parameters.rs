@@ -5,7 +5,12 @@ use std::f64::consts::FRAC_PI_2;
 use geometry::{CellSize, CellSizeError};
 use messages::Pose;
 
-use crate::tables::Tables;
+use crate::tables::{PAPER_PIXELS, Ranges, Tables};
+
+/// `C_Size` and `O_Size` run up to this many cells.
+const MOST_CELLS: f64 = 100.0;
+/// `B_Size` runs up to this share of the picture: 4800 px of 160 × 120.
+const MOST_PIXELS_SHARE: f64 = 0.25;
 
 /// The camera, roughly.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,6 +154,11 @@ impl Parameters {
             within("patience", seconds, 0.0, 1000.0, "0 to 1000 s")?;
         }
         Ok(CellSize::new(self.cell_m)?)
+    }
+
+    /// The ranges of the variables of Tables 3 to 5.
+    pub(crate) fn ranges(&self) -> Ranges {
+        Ranges { forward_m: self.range_limit_m, width_m: self.cone_width_m(), cells: MOST_CELLS, pixels: MOST_PIXELS_SHARE * PAPER_PIXELS }
     }
 
     /// CW: the width that the local sensor cone has in front of the camera at r_max.

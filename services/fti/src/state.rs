@@ -8,10 +8,11 @@ use messages::Pose;
 use serde::{Deserialize, Serialize, Serializer};
 
 use crate::dwell::Runs;
+use crate::evidence::Evidence;
 use crate::parameters::{Parameters, ParametersError};
 use crate::pending::PendingScan;
-use crate::step::Fti;
-use crate::still::{Evidence, Still};
+use crate::pipeline::Fti;
+use crate::still::{CellEvidence, Still};
 use crate::streams::Streams;
 use crate::tracks::Tracks;
 
@@ -66,7 +67,7 @@ struct Head {
 }
 
 /// A tile as it is written: a copy would take as much memory again.
-struct Cells<'a>(&'a Tile<Evidence>);
+struct Cells<'a>(&'a Tile<CellEvidence>);
 
 impl Serialize for Cells<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
@@ -79,7 +80,8 @@ impl Fti {
     #[must_use]
     pub fn save_head(&self, bytes: Vec<u8>) -> Vec<u8> {
         let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
-        let head = (&self.streams, &self.tracks, &self.runs, self.company_ns, &self.pending, &self.recent, last);
+        let Evidence { runs, company_ns, pending, recent, .. } = &self.evidence;
+        let head = (&self.streams, &self.tracks, runs, company_ns, pending, recent, last);
         // Writing numbers and lists into memory has no way to fail.
         postcard::to_extend(&(VERSION, head), bytes).unwrap_or_default()
     }
@@ -87,17 +89,17 @@ impl Fti {
     /// Layer, row and column of each tile of the state; there is one layer, 0.
     #[must_use]
     pub fn saved_tiles(&self) -> Vec<[i32; 3]> {
-        self.still.cells().tiles().map(|(key, _)| [0, key.row, key.column]).collect()
+        self.evidence.still.cells().tiles().map(|(key, _)| [0, key.row, key.column]).collect()
     }
 
     /// Layer, row and column of each tile that has changed since this was last asked.
     pub fn take_unsaved(&mut self) -> Vec<[i32; 3]> {
-        self.still.take_changed().into_iter().map(|key| [0, key.row, key.column]).collect()
+        self.evidence.still.take_changed().into_iter().map(|key| [0, key.row, key.column]).collect()
     }
 
     /// Appends a tile of the state to `bytes`; nothing where there is none.
     pub fn save_tile(&self, [_, row, column]: [i32; 3], bytes: &mut Vec<u8>) {
-        if let Some(cells) = self.still.cells().tile(TileKey { row, column }) {
+        if let Some(cells) = self.evidence.still.cells().tile(TileKey { row, column }) {
             *bytes = postcard::to_extend(&Cells(cells), std::mem::take(bytes)).unwrap_or_default();
         }
     }
@@ -123,8 +125,8 @@ impl Fti {
         let mut cells = Lattice::new(fti.cell);
         for (key, packed) in tiles {
             let [layer, row, column] = key;
-            let unpack = |(hits, free, hit_slot, free_slot)| Evidence { hits, free, hit_slot, free_slot };
-            let tile: Vec<Evidence> = postcard::from_bytes::<Vec<Packed>>(packed)?.into_iter().map(unpack).collect();
+            let unpack = |(hits, free, hit_slot, free_slot)| CellEvidence { hits, free, hit_slot, free_slot };
+            let tile: Vec<CellEvidence> = postcard::from_bytes::<Vec<Packed>>(packed)?.into_iter().map(unpack).collect();
             let (place, found) = (TileKey { row, column }, tile.len());
             match tile.try_into() {
                 Ok(tile) if layer == 0 && place.first_cell().is_some() => cells.set_tile(place, &tile),
@@ -133,11 +135,8 @@ impl Fti {
         }
         fti.streams = head.streams;
         fti.tracks = head.tracks;
-        fti.still = Still::new(cells);
-        fti.runs = head.runs;
-        fti.company_ns = head.company_ns;
-        fti.pending = head.pending;
-        fti.recent = head.recent;
+        let Head { runs, company_ns, pending, recent, .. } = head;
+        fti.evidence = Evidence { still: Still::new(cells), runs, company_ns, pending, recent };
         fti.last = head.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
         Ok(fti)
     }

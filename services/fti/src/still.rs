@@ -22,7 +22,7 @@ const STOOD_ON: u8 = 2;
 
 /// What the past says of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Evidence {
+pub(crate) struct CellEvidence {
     /// Slots in which it was hit, at most 3.
     pub(crate) hits: u8,
     /// Slots in which it was seen free, at most 6.
@@ -40,15 +40,15 @@ pub(crate) fn balance(hits: f64, free: f64) -> f64 {
 /// The past of every cell. Grows with the area explored.
 #[derive(Debug, Clone)]
 pub(crate) struct Still {
-    cells: Lattice<Evidence>,
+    cells: Lattice<CellEvidence>,
 }
 
 impl Still {
-    pub(crate) fn new(cells: Lattice<Evidence>) -> Self {
+    pub(crate) fn new(cells: Lattice<CellEvidence>) -> Self {
         Self { cells }
     }
 
-    pub(crate) fn cells(&self) -> &Lattice<Evidence> {
+    pub(crate) fn cells(&self) -> &Lattice<CellEvidence> {
         &self.cells
     }
 
@@ -61,7 +61,7 @@ impl Still {
         self.cells.cell_size()
     }
 
-    pub(crate) fn get(&self, cell: Cell) -> Evidence {
+    pub(crate) fn get(&self, cell: Cell) -> CellEvidence {
         self.cells.get(cell)
     }
 
@@ -105,7 +105,7 @@ pub(crate) fn free_reach_m(beam: &Beam) -> Option<f64> {
     beam.echo().then(|| (beam.range_m() - BEFORE_ECHO_M).min(REACH_M))
 }
 
-fn add_free(cells: &mut Lattice<Evidence>, cell: Cell, slot: u16, sights: u8) {
+fn add_free(cells: &mut Lattice<CellEvidence>, cell: Cell, slot: u16, sights: u8) {
     let mut evidence = cells.get(cell);
     if evidence.free_slot != slot {
         evidence.free = evidence.free.saturating_add(sights).min(KEPT[1]);
@@ -164,10 +164,10 @@ mod tests {
     #[test]
     fn a_cell_of_a_damaged_state_is_counted_on() {
         let (mut still, cell) = (still(), Cell { row: 0, column: 3 });
-        still.cells.set(cell, Evidence { hits: u8::MAX, free: u8::MAX, hit_slot: 9, free_slot: 9 });
+        still.cells.set(cell, CellEvidence { hits: u8::MAX, free: u8::MAX, hit_slot: 9, free_slot: 9 });
         still.hit(&[cell], 0);
         still.stand(0.0, 0.0, 0.2, 0);
-        let Evidence { hits, free, .. } = still.get(cell);
+        let CellEvidence { hits, free, .. } = still.get(cell);
         assert_eq!([hits, free], KEPT);
     }
 

@@ -67,6 +67,9 @@ pub(crate) struct Seen {
     pub(crate) size: f64,
 }
 
+/// Size of the paper's picture, px.
+pub(crate) const PAPER_PIXELS: f64 = 160.0 * 120.0;
+
 /// The ranges of the variables; the sets are evenly spaced over them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Ranges {

@@ -2,11 +2,14 @@
 
 use std::collections::VecDeque;
 
+use geometry::Beam;
+use messages::Pose;
 use nalgebra::{Vector2, Vector4};
 use serde::{Deserialize, Serialize};
 use tracking::{Measured, Motion};
 
-use crate::sight::Estimate;
+use crate::observe::{Heard, ranged, sighted};
+use crate::sight::Sight;
 
 /// White acceleration of a walker, m²/s³.
 pub(crate) const ACCELERATION: f64 = 1.2;
@@ -22,6 +25,20 @@ const CONFIRMING_HITS: u32 = 8;
 const REST_NS: u64 = 600_000_000;
 /// Who made less way than this in that time rests, m.
 const REST_M: f64 = 0.15;
+/// Who stands is where he was, give or take a step: an echo farther off is another's, or the wall's, m.
+const STANDS_M: f64 = 0.2;
+/// Half of a body's width, m.
+const BODY_HALF_M: f64 = 0.2;
+/// What lies farther before him than this hides him, m.
+const BEFORE_M: f64 = 0.3;
+/// A reading that goes so far beyond him shows that he is gone, m.
+const PASS_M: f64 = 0.45;
+/// Echoes that began with a walker are his from so many on: more than a second of them.
+const LEFT_ECHOES: u32 = 4;
+/// Who was faster than this at the last of them walks on, and does not stand, m/s.
+const LEFT_SPEED_M_S: f64 = 0.6;
+/// Two who stand closer than this are one, m.
+const SAME_M: f64 = 0.4;
 
 /// Who saw the track first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -150,7 +167,7 @@ impl Track {
     }
 
     /// Takes in measurements of the time it was predicted to.
-    pub(crate) fn update(&mut self, measured: &Measured) {
+    fn update(&mut self, measured: &Measured) {
         self.motion = self.motion.update(measured);
         let velocity = self.motion.velocity_m_s();
         let speed = velocity.norm();
@@ -161,7 +178,7 @@ impl Track {
     }
 
     /// Keeps what is believed now, after a support.
-    pub(crate) fn remember(&mut self) {
+    fn remember(&mut self) {
         let believed = Believed { stamp_ns: self.stamp_ns, motion: self.motion, acceleration: self.acceleration() };
         let most = f64::from(self.hits) >= 0.6 * f64::from(self.chances) || self.origin == Origin::Sonar;
         self.certain |= f64::from(self.hits) >= f64::from(CONFIRMING_HITS) && most;
@@ -211,20 +228,82 @@ impl Track {
             self.motion.covariance[(axis, axis)] = 0.01;
         }
     }
-}
 
-/// Distance of the track from a place along a direction of length 1, as a measurement.
-pub(crate) fn along(motion: &Motion, origin_m: Vector2<f64>, direction: Vector2<f64>, found: Estimate) -> Measured {
-    let expected = (motion.place_m() - origin_m).dot(&direction);
-    Measured { row: Vector4::new(direction.x, direction.y, 0.0, 0.0), residual: found.value - expected, variance: found.variance }
-}
+    pub(crate) fn chi_squared(&self, map_from_camera: &Pose, sight: &Sight) -> f64 {
+        let (bearing, depth) = sighted(&self.motion, map_from_camera, sight, false);
+        let term = |m: &Measured| m.residual * m.residual / self.motion.innovation_variance(m);
+        term(&bearing) + depth.as_ref().map_or(0.0, term)
+    }
 
-/// Bearing of the track from a place, against an axis, as a measurement.
-pub(crate) fn bearing(motion: &Motion, origin_m: Vector2<f64>, axis_rad: f64, found: Estimate) -> Measured {
-    let towards = motion.place_m() - origin_m;
-    let distance_squared = towards.norm_squared().max(0.01);
-    let turned = towards.y.atan2(towards.x) - axis_rad - found.value;
-    let residual = -turned.sin().atan2(turned.cos());
-    let row = Vector4::new(-towards.y / distance_squared, towards.x / distance_squared, 0.0, 0.0);
-    Measured { row, residual, variance: found.variance }
+    pub(crate) fn support_by_sight(&mut self, map_from_camera: &Pose, sight: &Sight, merged: bool, stamp_ns: u64) {
+        let (bearing, _) = sighted(&self.motion, map_from_camera, sight, merged);
+        self.update(&bearing);
+        if let (_, Some(depth)) = sighted(&self.motion, map_from_camera, sight, merged) {
+            self.update(&depth);
+        }
+        self.hits = self.hits.saturating_add(1);
+        self.seen_ns = stamp_ns;
+        self.unseen_ns = 0;
+        self.passed = 0;
+        self.remember();
+    }
+
+    /// Residual of an echo's range in standard deviations; `None` where the beam does not reach the track.
+    pub(crate) fn echo_deviation(&self, beam: &Beam) -> Option<f64> {
+        let (measured, aside_m) = ranged(&self.motion, beam)?;
+        (aside_m <= BODY_HALF_M).then(|| measured.residual / self.motion.innovation_variance(&measured).sqrt())
+    }
+
+    /// Whether an echo comes from where this one stands.
+    pub(crate) fn stands_at(&self, beam: &Beam) -> bool {
+        ranged(&self.motion, beam).is_some_and(|(measured, aside_m)| aside_m <= BODY_HALF_M && measured.residual.abs() < STANDS_M)
+    }
+
+    pub(crate) fn support_by_echo(&mut self, beam: &Beam, stamp_ns: u64) {
+        if let Some((measured, _)) = ranged(&self.motion, beam) {
+            self.update(&measured);
+        }
+        if self.origin == Origin::Sonar {
+            self.hits = self.hits.saturating_add(1);
+        }
+        self.heard_ns = stamp_ns;
+        (self.passed, self.missed) = (0, 0);
+        self.remember();
+    }
+
+    pub(crate) fn note_passing(&mut self, beam: &Beam, stamp_ns: u64) {
+        let place = self.motion.place_m();
+        let seen = beam.see(place.x, place.y);
+        if beam.covers(seen) && self.heard_ns != stamp_ns {
+            self.passed = self.passed.saturating_add(u32::from(beam.range_m() > seen.z_m() + PASS_M));
+            self.missed = self.missed.saturating_add(u32::from(beam.range_m() > seen.z_m() - BEFORE_M));
+        }
+    }
+
+    /// Notes an echo that supported it, if it belongs to a run that began with it.
+    pub(crate) fn anchor(&mut self, echo: &Heard<'_>, stamp_ns: u64) {
+        let (motion, run) = (self.motion, echo.run);
+        match self.anchors.iter_mut().find(|anchor| anchor.run == run) {
+            Some(anchor) => *anchor = Anchor { run, echoes: anchor.echoes.saturating_add(1), motion, stamp_ns },
+            None if echo.first => self.anchors.push(Anchor { run, echoes: 1, motion, stamp_ns }),
+            None => {}
+        }
+    }
+
+    /// Somebody who stands where an echo came from that began with this track and supports it no longer.
+    pub(crate) fn left_behind(&self, echo: &Heard<'_>, stamp_ns: u64) -> Option<Self> {
+        let anchor = self.anchors.iter().find(|anchor| anchor.run == echo.run && anchor.stamp_ns < stamp_ns)?;
+        if anchor.echoes < LEFT_ECHOES || anchor.motion.velocity_m_s().norm() > LEFT_SPEED_M_S {
+            return None;
+        }
+        let mut stander = self.stander_at(0, anchor.motion);
+        (stander.stamp_ns, stander.heard_ns, stander.ended_ns) = (stamp_ns, stamp_ns, None);
+        stander.remember();
+        stander.stands_at(echo.beam).then_some(stander)
+    }
+
+    /// Whether this is somebody who stands where another does.
+    pub(crate) fn stands_near(&self, other: &Self) -> bool {
+        self.held && self.ended_ns.is_none() && (self.motion.place_m() - other.motion.place_m()).norm() < SAME_M
+    }
 }

@@ -1,32 +1,48 @@
-//! All walkers: whose a blob is, birth and end.
+//! All walkers: whose a blob or an echo is, birth and end.
 
-use messages::{CameraMotion, CameraStatus, Pose};
-use nalgebra::Vector2;
+use geometry::wrapped;
+use messages::{CameraMotion, CameraStatus, Mover, Pose};
+use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 use tracking::Motion;
 
-use crate::parameters::Camera;
+use crate::gating::{in_view, is_fresh};
+use crate::observe::Heard;
+use crate::parameters::{Camera, Parameters};
 use crate::sight::{Estimate, Sight, View};
 use crate::track::{Origin, Track};
 
 /// Association: χ² of a pair that may be one (two degrees of freedom).
 const GATE: f64 = 11.0;
 /// Spread of a first velocity, m/s.
-pub(crate) const SPEED_SD_M_S: f64 = 0.8;
+const SPEED_SD_M_S: f64 = 0.8;
 /// A tentative track that is not seen again for as long as this was false, ns.
 const TENTATIVE_NS: u64 = 400_000_000;
 /// A track that should be visible and is not ends after this time, ns.
-pub(crate) const UNSEEN_NS: u64 = 1_000_000_000;
+const UNSEEN_NS: u64 = 1_000_000_000;
 /// A walker out of view is followed for this time, ns. Echoes do not prolong it: there are always some, of walls.
-pub(crate) const COAST_NS: u64 = 3_000_000_000;
-/// The camera sees nobody beyond this, m.
-const SIGHT_M: f64 = 6.0;
-/// A track this close to the side of the picture may be out of it, rad.
-const SIDE_RAD: f64 = 0.05;
+const COAST_NS: u64 = 3_000_000_000;
 /// Most tracks at once.
-pub(crate) const MAX_TRACKS: usize = 32;
+const MAX_TRACKS: usize = 32;
 /// A blob without a distance is taken to be about here, m.
 const UNKNOWN_DEPTH: Estimate = Estimate { value: 4.0, variance: 4.0 };
+
+/// An echo supports a track within this many standard deviations.
+const ECHO_GATE: f64 = 2.5;
+/// S from which on an echo is a known wall's.
+const KNOWN_WALL: f64 = 1.5;
+/// A slower walker may stand before a wall, m/s.
+const SLOW_M_S: f64 = 0.35;
+/// Who stands ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass him.
+const HELD_NS: u64 = 10_000_000_000;
+/// Or when this many readings pass beyond him.
+const PASSES: u32 = 2;
+/// Or this many that look at him and hear something else.
+const MISSES: u32 = 5;
+/// Who came to rest was seen to: his blob fades a moment later, ns.
+const SEEN_NS: u64 = 1_000_000_000;
+/// Echoes of a walker's are asked for him again within this time, ns.
+const ANCHOR_NS: u64 = 1_000_000_000;
 
 /// All walkers, also those who ended within the horizon.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -154,6 +170,130 @@ impl Tracks {
         self.tracks.retain(|track| track.ended_ns.is_none_or(|ended_ns| ended_ns >= before_ns));
         self.tracks.iter_mut().for_each(|track| track.forget(before_ns));
     }
+
+    /// The echoes and movers of a scan.
+    pub(crate) fn hear(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, echoes: &[Heard<'_>], movers: &[Mover]) {
+        self.lead(stamp_ns);
+        let mut claimed = vec![false; echoes.len()];
+        for (echo, claimed) in echoes.iter().zip(&mut claimed).filter(|(echo, _)| echo.beam.echo()) {
+            *claimed = self.support_by_echo(echo, stamp_ns);
+        }
+        for echo in echoes {
+            for track in self.alive().filter(|track| track.held) {
+                track.note_passing(echo.beam, stamp_ns);
+            }
+        }
+        for mover in movers {
+            let known = echoes.iter().zip(&claimed).enumerate().any(|(index, (_, claimed))| *claimed && mover.readings & (1 << index) != 0);
+            if !known {
+                self.support_or_start_by_mover(parameters, map_from_robot, stamp_ns, mover);
+            }
+        }
+        self.note_left_behind(echoes, stamp_ns);
+        self.note_standers(stamp_ns);
+        self.end_silent(stamp_ns);
+    }
+
+    /// Gives an echo to the walker who explains it best and to whoever stands there; whether there is one.
+    fn support_by_echo(&mut self, echo: &Heard<'_>, stamp_ns: u64) -> bool {
+        let known_wall = echo.past > KNOWN_WALL;
+        let mut standing = false;
+        for track in self.alive().filter(|track| track.held && !known_wall) {
+            if track.stands_at(echo.beam) {
+                track.support_by_echo(echo.beam, stamp_ns);
+                standing = true;
+            }
+        }
+        let walking = self.alive().filter(|track| !track.held && (track.confirmed() || track.origin == Origin::Sonar));
+        let near = walking.filter_map(|track| {
+            let deviation = track.echo_deviation(echo.beam)?.abs();
+            let plausible = !known_wall || track.walked && track.motion.velocity_m_s().norm() < SLOW_M_S;
+            (deviation < ECHO_GATE && plausible).then_some((deviation, track))
+        });
+        match near.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            Some((_, track)) => {
+                track.support_by_echo(echo.beam, stamp_ns);
+                track.anchor(echo, stamp_ns);
+                true
+            }
+            None => standing,
+        }
+    }
+
+    /// Where a walker who was heard comes to rest, somebody stands: he may fade from the picture, and others may pass him.
+    fn note_standers(&mut self, stamp_ns: u64) {
+        let resting: Vec<usize> = (0..self.tracks.len())
+            .filter(|index| {
+                let Some(track) = self.tracks.get(*index) else { return false };
+                let rests = track.ended_ns.is_none()
+                    && !track.held
+                    && track.confirmed()
+                    && track.walked
+                    && track.heard_ns == stamp_ns
+                    && stamp_ns.saturating_sub(track.seen_ns) <= SEEN_NS
+                    && track.rests();
+                rests && !self.tracks.iter().any(|other| other.stands_near(track))
+            })
+            .collect();
+        for index in resting {
+            if self.tracks.len() < MAX_TRACKS
+                && let Some(track) = self.tracks.get(index)
+            {
+                self.given += 1;
+                let stander = track.stander_at(self.given, track.motion);
+                self.tracks.push(stander);
+            }
+        }
+    }
+
+    /// Echoes that began with a walker and go on at their place when the track has left it: he stands there, and the track
+    /// follows somebody who passed him.
+    fn note_left_behind(&mut self, echoes: &[Heard<'_>], stamp_ns: u64) {
+        let mut standers: Vec<Track> = Vec::new();
+        for echo in echoes.iter().filter(|echo| echo.beam.echo() && echo.past <= KNOWN_WALL) {
+            for track in self.tracks.iter().filter(|track| track.confirmed() && track.walked && !track.held) {
+                let Some(stander) = track.left_behind(echo, stamp_ns) else { continue };
+                if !self.tracks.iter().chain(&standers).any(|other| other.stands_near(&stander)) {
+                    standers.push(stander);
+                }
+            }
+        }
+        for mut stander in standers.into_iter().take(MAX_TRACKS.saturating_sub(self.tracks.len())) {
+            self.given += 1;
+            stander.id = self.given;
+            self.tracks.push(stander);
+        }
+        for track in &mut self.tracks {
+            track.anchors.retain(|anchor| stamp_ns.saturating_sub(anchor.stamp_ns) < ANCHOR_NS);
+        }
+    }
+
+    /// A mover that only STD sees, where the camera does not look.
+    fn support_or_start_by_mover(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, mover: &Mover) {
+        let place = Vector2::new(mover.map_x_m, mover.map_y_m);
+        let motion = Motion::at(place, Matrix2::identity() * 0.0625, SPEED_SD_M_S);
+        let watched = parameters.camera.is_some_and(|camera| {
+            is_fresh(self.frame_ns, stamp_ns, UNSEEN_NS) && in_view(&camera, &map_from_robot.then(&camera.mount), &motion)
+        });
+        if !watched {
+            self.start(Origin::Sonar, motion, stamp_ns);
+        }
+    }
+
+    fn end_silent(&mut self, stamp_ns: u64) {
+        for track in self.alive() {
+            let over = if track.held {
+                track.passed >= PASSES || track.missed >= MISSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
+            } else if track.origin == Origin::Sonar {
+                stamp_ns.saturating_sub(track.supported_ns()) > UNSEEN_NS
+            } else {
+                stamp_ns.saturating_sub(track.seen_ns) > COAST_NS
+            };
+            if over {
+                track.ended_ns = Some(track.supported_ns());
+            }
+        }
+    }
 }
 
 fn place_of(map_from_camera: &Pose, sight: &Sight) -> Motion {
@@ -165,16 +305,4 @@ fn place_of(map_from_camera: &Pose, sight: &Sight) -> Motion {
     let across_variance = sight.bearing.variance * distance_m * distance_m;
     let covariance = away * away.transpose() * depth.variance + across * across.transpose() * across_variance;
     Motion::at(Vector2::new(map_from_camera.x_m, map_from_camera.y_m) + away * distance_m, covariance, SPEED_SD_M_S)
-}
-
-/// Whether the camera should see a walker.
-pub(crate) fn in_view(camera: &Camera, map_from_camera: &Pose, motion: &Motion) -> bool {
-    let place = motion.place_m();
-    let towards = Vector2::new(place.x - map_from_camera.x_m, place.y - map_from_camera.y_m);
-    let bearing_rad = wrapped(towards.y.atan2(towards.x) - map_from_camera.yaw_rad);
-    bearing_rad.abs() < camera.field_of_view_rad / 2.0 - SIDE_RAD && towards.norm() < SIGHT_M
-}
-
-fn wrapped(angle_rad: f64) -> f64 {
-    angle_rad.sin().atan2(angle_rad.cos())
 }

@@ -3,7 +3,6 @@
 use fuzzy::Partition;
 
 use crate::parameters::{Parameters, ParametersError};
-use crate::step::ranges;
 use crate::tables::evenly;
 
 /// Words of a variable that counts from 0.
@@ -30,7 +29,7 @@ pub struct Variable {
 /// Parameters that cannot be meant.
 pub fn variables(parameters: &Parameters) -> Result<Vec<Variable>, ParametersError> {
     parameters.check()?;
-    let ranges = ranges(parameters);
+    let ranges = parameters.ranges();
     let half_m = ranges.width_m / 2.0;
     let all = [
         ("C and O centroid x, B centroid row", "ahead of the robot, m", MAGNITUDES, [0.0, ranges.forward_m]),

@@ -1,0 +1,179 @@
+//! What the readings say: those that wait for their verdict, those that got it lately, and the past of every cell.
+
+use std::collections::VecDeque;
+
+use geometry::{Beam, Cell, CellSize, Lattice};
+use messages::FilterVerdict;
+
+use crate::arc::Arc;
+use crate::dwell::Runs;
+use crate::pending::{PendingReading, PendingScan};
+use crate::smoothed::Smoothed;
+use crate::still::Still;
+use crate::tracks::Tracks;
+use crate::verdict::{passer_by, presences, walker, weight};
+
+/// Radius of the floor that the robot itself takes, m.
+const ROBOT_RADIUS_M: f64 = 0.2;
+/// A scan with its verdict is known reading by reading for this time, ns: as long as the robot takes to pass a place.
+const RECENT_NS: u64 = 6_000_000_000;
+/// Known to be free is all that matters, not for how long.
+const LEAST_PAST: f64 = -3.0;
+/// Where somebody was about, others may be for this time, ns.
+const COMPANY_NS: u64 = 20_000_000_000;
+/// What stayed in a beam for longer is no passer-by, s.
+const MOST_DWELL_S: f64 = 3.0;
+
+/// The two sides of the likelihood ratio.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grounds {
+    /// T: a walker was there.
+    pub walker: f64,
+    /// S: something stands there.
+    pub still: f64,
+}
+
+impl Grounds {
+    /// Above 0: a walker is likelier.
+    pub(crate) fn balance(self) -> f64 {
+        self.walker - self.still
+    }
+}
+
+/// What the pending readings say, scan by scan.
+pub(crate) struct Weighed {
+    /// T of each reading.
+    odds: Vec<Vec<f64>>,
+    /// How much each counts as a hit.
+    weights: Vec<Vec<f64>>,
+}
+
+/// All readings that verdicts rest on.
+#[derive(Debug, Clone)]
+pub(crate) struct Evidence {
+    pub(crate) still: Still,
+    pub(crate) runs: Runs,
+    /// Last time at which somebody was followed.
+    pub(crate) company_ns: Option<u64>,
+    /// Scans that wait for their verdict, the oldest first.
+    pub(crate) pending: VecDeque<PendingScan>,
+    /// Those decided lately, the oldest first: what they say is still known reading by reading.
+    pub(crate) recent: VecDeque<PendingScan>,
+}
+
+impl Evidence {
+    pub(crate) fn new(cell: CellSize) -> Self {
+        Self {
+            still: Still::new(Lattice::new(cell)),
+            runs: Runs::default(),
+            company_ns: None,
+            pending: VecDeque::new(),
+            recent: VecDeque::new(),
+        }
+    }
+
+    /// A scan that waits for its verdict from now on. Nothing stands where the robot does.
+    pub(crate) fn push(&mut self, scan: PendingScan) {
+        let [x_m, y_m] = scan.robot_m;
+        self.still.stand(x_m, y_m, ROBOT_RADIUS_M, scan.stamp_ns);
+        self.pending.push_back(scan);
+    }
+
+    /// S from the past alone.
+    pub(crate) fn past(&self, beam: &Beam, cells: &[Cell]) -> f64 {
+        let mut arc = Arc::new(&self.still, beam, cells);
+        for scan in &self.recent {
+            scan.readings.iter().for_each(|reading| arc.hear(scan.stamp_ns, &reading.beam, reading.weight));
+        }
+        arc.balance().max(LEAST_PAST)
+    }
+
+    /// What each pending reading says as evidence.
+    pub(crate) fn weigh(&self, tracks: &Tracks, range_limit_m: f64) -> Weighed {
+        let walkers: Vec<Smoothed> = tracks.tracks.iter().filter_map(Smoothed::of).collect();
+        let of_scan = |scan: &PendingScan| {
+            let present = presences(&walkers, scan.stamp_ns);
+            scan.readings.iter().map(|reading| walker(reading, &present, range_limit_m)).collect()
+        };
+        let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
+        let of_scan = |(scan, odds): (&PendingScan, &Vec<f64>)| {
+            let alone = self.alone(scan);
+            let weight_of = |(reading, walker): (&PendingReading, &f64)| {
+                weight(walker.max(passer_by(reading, self.runs.dwell_s(reading.run), alone)), reading.past)
+            };
+            scan.readings.iter().zip(odds).map(weight_of).collect()
+        };
+        let weights = self.pending.iter().zip(&odds).map(of_scan).collect();
+        Weighed { odds, weights }
+    }
+
+    /// Both sides of the ratio for each reading of a pending scan: of a walker who is followed, or of a passer-by, whichever
+    /// says more. How long an echo lasts speaks of the passer-by already, so that its own run is no evidence against him.
+    pub(crate) fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
+        let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
+        let alone = self.alone(scan);
+        let of_reading = |(index, (reading, walker)): (usize, (&PendingReading, &f64))| {
+            let followed = Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index, None) };
+            let dwell_s = self.runs.dwell_s(reading.run);
+            if dwell_s > MOST_DWELL_S {
+                return followed;
+            }
+            let still = self.stands(&weighed.weights, at, index, Some(reading.run));
+            let passer_by = Grounds { walker: passer_by(reading, dwell_s, alone), still };
+            if followed.balance() > passer_by.balance() { followed } else { passer_by }
+        };
+        scan.readings.iter().zip(odds).enumerate().map(of_reading).collect()
+    }
+
+    /// Whether the camera was at work at a scan and nobody has been about for long, or is since.
+    fn alone(&self, scan: &PendingScan) -> bool {
+        scan.inputs & FilterVerdict::FROM_CAMERA != 0
+            && self.company_ns.is_none_or(|last_ns| scan.stamp_ns > last_ns.saturating_add(COMPANY_NS))
+    }
+
+    /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after, but for the hits
+    /// of a run.
+    fn stands(&self, weights: &[Vec<f64>], at: usize, index: usize, without_run: Option<u64>) -> f64 {
+        let Some(asked) = self.pending.get(at).and_then(|scan| scan.readings.get(index)) else { return 0.0 };
+        let mut arc = Arc::new(&self.still, &asked.beam, &asked.arc);
+        let mut hear = |stamp_ns: u64, reading: &PendingReading, weight: f64| {
+            arc.hear(stamp_ns, &reading.beam, if without_run == Some(reading.run) { 0.0 } else { weight });
+        };
+        for scan in &self.recent {
+            scan.readings.iter().for_each(|reading| hear(scan.stamp_ns, reading, reading.weight));
+        }
+        for (scan_at, (scan, weights)) in self.pending.iter().zip(weights).enumerate() {
+            let readings = scan.readings.iter().zip(weights).enumerate();
+            for (_, (reading, weight)) in readings.filter(|(other, _)| (scan_at, *other) != (at, index)) {
+                hear(scan.stamp_ns, reading, *weight);
+            }
+        }
+        arc.balance()
+    }
+
+    /// The oldest pending scan gets its verdict on these grounds, which say how far its readings count as hits.
+    pub(crate) fn decide(&mut self, grounds: &[Grounds]) -> Option<&PendingScan> {
+        let mut scan = self.pending.pop_front()?;
+        for (reading, grounds) in scan.readings.iter_mut().zip(grounds) {
+            reading.weight = weight(grounds.walker, reading.past);
+        }
+        self.learn(scan);
+        self.recent.back()
+    }
+
+    /// A scan has got its verdict; what those say that got theirs long ago becomes the past. Hits that a walker explains do not
+    /// count; whether they were withheld plays no part: that would lock walls out for good.
+    fn learn(&mut self, scan: PendingScan) {
+        let oldest_ns = scan.stamp_ns.saturating_sub(RECENT_NS);
+        self.recent.push_back(scan);
+        while self.recent.front().is_some_and(|scan| scan.stamp_ns < oldest_ns) {
+            let Some(scan) = self.recent.pop_front() else { return };
+            for reading in &scan.readings {
+                if reading.weight > 0.5 {
+                    self.still.hit(&reading.arc, scan.stamp_ns);
+                }
+                self.still.free(&reading.beam, scan.stamp_ns);
+            }
+        }
+    }
+}
