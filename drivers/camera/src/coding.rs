@@ -58,6 +58,18 @@ pub enum Damage {
         /// Those of the format.
         expected: (usize, usize),
     },
+    /// It is the beginning of a JPEG picture.
+    #[error("a JPEG picture of {found} bytes without its end")]
+    Cut {
+        /// Bytes that came.
+        found: usize,
+    },
+    /// It is a JPEG picture with less data than its size needs.
+    #[error("a JPEG picture whose data of {found} bytes is not all of it")]
+    Incomplete {
+        /// Bytes that came.
+        found: usize,
+    },
     /// It is no JPEG that can be decoded.
     #[error("JPEG: {0}")]
     Jpeg(String),
@@ -160,9 +172,29 @@ impl Shape {
     }
 
     fn jpeg(&self, frame: &[u8], luminance: &mut [u8]) -> Result<(), Damage> {
-        let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::Luma).set_strict_mode(false);
-        let whole = with_huffman_tables(frame);
-        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(whole.as_ref()), options);
+        let frame = with_huffman_tables(frame);
+        self.decode(&frame, luminance)?;
+        let end = end_of_data(&frame).ok_or(Damage::Cut { found: frame.len() })?;
+        // The decoder makes up what is missing, and does not say so. A picture that has all of its data does not change when
+        // more follows.
+        let mut longer = luminance.to_vec();
+        self.decode(&[&frame[..end], &[0x5a; MORE], &frame[end..]].concat(), &mut longer)?;
+        if longer == luminance { Ok(()) } else { Err(Damage::Incomplete { found: frame.len() }) }
+    }
+
+    /// Decodes what should be a whole picture: a code that is none is an error. Bytes between segments, and segments in odd places,
+    /// are no damage; some cameras send them.
+    fn decode(&self, frame: &[u8], luminance: &mut [u8]) -> Result<(), Damage> {
+        let strict = self.decode_as(frame, luminance, true);
+        match &strict {
+            Err(Damage::Jpeg(error)) if BORNE.iter().any(|borne| error.contains(borne)) => self.decode_as(frame, luminance, false),
+            _ => strict,
+        }
+    }
+
+    fn decode_as(&self, frame: &[u8], luminance: &mut [u8], strict: bool) -> Result<(), Damage> {
+        let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::Luma).set_strict_mode(strict);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(frame), options);
         decoder.decode_headers().map_err(|error| Damage::Jpeg(error.to_string()))?;
         let expected = (self.width as usize, self.height as usize);
         match decoder.info().map(|info| (usize::from(info.width), usize::from(info.height))) {
@@ -170,6 +202,30 @@ impl Shape {
             _ => {}
         }
         decoder.decode_into(luminance).map_err(|error| Damage::Jpeg(error.to_string()))
+    }
+}
+
+/// Bytes of data put behind a picture's own: more than one block of any picture.
+const MORE: usize = 256;
+
+/// What the decoder calls an error in its strict mode and is none in pictures of cameras.
+const BORNE: [&str; 2] = ["Extra bytes", "Unexpected marker"];
+
+/// Where the data of a JPEG picture ends: at the marker of its end, behind its last scan. `None` when it has none.
+fn end_of_data(frame: &[u8]) -> Option<usize> {
+    let mut at = 2;
+    loop {
+        let [high, low] = *frame.get(at..at + 2)? else { return None };
+        match (high, low) {
+            (0xff, 0xd9) => return Some(at),
+            // A stuffed zero, a restart marker, a filling byte, or data.
+            (0xff, 0x00 | 0xd0..=0xd7) => at += 2,
+            (0xff, 0x01..=0xcf | 0xda..=0xfe) => {
+                let length = frame.get(at + 2..at + 4)?;
+                at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]])).max(2);
+            }
+            _ => at += 1,
+        }
     }
 }
 

@@ -6,6 +6,9 @@ use stillmap_camera::{Coding, Damage, FourCc, Shape, Trouble};
 
 const RAMP: &[u8] = include_bytes!("data/ramp_422.jpg");
 
+/// A picture of 160 × 120 of an office, made by us.
+const WHOLE: &[u8] = include_bytes!("data/whole.jpg");
+
 /// The luminance that the JPEG picture was made of.
 fn ramp() -> Vec<u8> {
     (0..16).flat_map(|v| (0..32).map(move |u| 40 + 4 * u + 5 * v)).collect()
@@ -71,6 +74,39 @@ fn a_frame_that_is_no_picture_is_named() {
     assert!(matches!(luminance(jpeg, &[]), Err(Damage::Jpeg(_))));
     assert!(matches!(luminance(jpeg, b"no picture at all"), Err(Damage::Jpeg(_))));
     assert!(matches!(luminance(jpeg, &RAMP[..100]), Err(Damage::Jpeg(_))));
+}
+
+/// Where the scan's data of a picture begins.
+fn data_of(picture: &[u8]) -> usize {
+    let at = picture.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+    at + 2 + usize::from(u16::from_be_bytes([picture[at + 2], picture[at + 3]]))
+}
+
+#[test]
+fn a_cut_picture_is_damaged_wherever_it_is_cut() {
+    let shape = Shape::new(Coding::Mjpg, 160, 120, 0).unwrap();
+    assert!(luminance(shape, WHOLE).is_ok());
+    let end = WHOLE.windows(2).rposition(|pair| pair == [0xff, 0xd9]).unwrap();
+    let first = data_of(WHOLE);
+    for at in (first..end).step_by(29).chain([end]) {
+        let cut = luminance(shape, &WHOLE[..at]);
+        assert!(matches!(cut, Err(Damage::Cut { .. } | Damage::Jpeg(_))), "at {at} of {}: {cut:?}", WHOLE.len());
+    }
+    // The end marker alone makes no whole picture.
+    for at in (first..end - 60).step_by(29) {
+        let closed = luminance(shape, &[&WHOLE[..at], &WHOLE[end..]].concat());
+        assert!(matches!(closed, Err(Damage::Incomplete { .. } | Damage::Jpeg(_))), "at {at} of {end}: {closed:?}");
+    }
+}
+
+#[test]
+fn bytes_behind_the_end_are_no_damage() {
+    let shape = Shape::new(Coding::Mjpg, 160, 120, 0).unwrap();
+    let expect = luminance(shape, WHOLE);
+    for padding in [&[0; 1][..], &[0; 900], &[0xff; 7]] {
+        assert_eq!(luminance(shape, &[WHOLE, padding].concat()), expect);
+    }
+    is_the_ramp(&[RAMP, &[0; 64]].concat());
 }
 
 #[test]
