@@ -51,7 +51,7 @@ pub(crate) fn code(error: &anyhow::Error) -> u8 {
 
 fn blames_input(error: &(dyn std::error::Error + 'static)) -> bool {
     error.is::<BadInput>()
-        || error.is::<settings::SettingsError>()
+        || error.is::<document::DocumentError>()
         || error.is::<drivelog::LogError>()
         || error.is::<mapping::ParametersError>()
 }

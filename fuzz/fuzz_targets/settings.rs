@@ -4,7 +4,7 @@
 mod common;
 
 use libfuzzer_sys::fuzz_target;
-use settings::{Settings, SettingsError};
+use settings::{DocumentError, Settings};
 use simulator::World;
 
 const HALL: &str = include_str!("../../config/worlds/hall.toml");
@@ -32,6 +32,6 @@ fn deployment(text: &str) {
     }
 }
 
-fn in_one_line(error: &SettingsError) {
+fn in_one_line(error: &DocumentError) {
     assert!(!error.to_string().contains('\n'), "{error}");
 }

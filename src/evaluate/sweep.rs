@@ -127,7 +127,7 @@ fn drive_settings(options: &DriveArgs) -> anyhow::Result<Settings> {
 
 fn read(path: &Path) -> anyhow::Result<World> {
     let name = path.display().to_string();
-    let text = settings::read_text(path)?;
+    let text = document::read_text(path)?;
     let empty = simulator::World::parse(&name, &text)?.walkers.is_empty();
     Ok(World { name, text, empty })
 }

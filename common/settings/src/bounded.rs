@@ -1,153 +1,10 @@
-//! Numbers that know their limits.
+//! Numbers with limits, of which the JSON schema and the settings reference state the limits.
 
-use core::fmt::{self, Display};
-use core::marker::PhantomData;
-
-use serde::de::{Deserializer, Error, Unexpected, Visitor};
-
-/// A number outside the limits of its setting.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{found}: expected {expected}")]
-pub struct OutOfRange {
-    /// The number refused.
-    pub found: String,
-    /// The limits, with the unit.
-    pub expected: String,
-}
-
-/// What a number of a settings file can become.
-pub(crate) trait Number: Copy + PartialOrd + Display {
-    /// What a file has to hold when a limit says too little.
-    const WORD: &'static str;
-    fn from_f64(number: f64) -> Option<Self>;
-    fn from_i64(number: i64) -> Option<Self>;
-}
-
-impl Number for f64 {
-    const WORD: &'static str = "";
-
-    fn from_f64(number: f64) -> Option<Self> {
-        Some(number)
-    }
-
-    fn from_i64(number: i64) -> Option<Self> {
-        Some(number as f64)
-    }
-}
-
-impl Number for u32 {
-    const WORD: &'static str = "a whole number, ";
-
-    fn from_f64(_: f64) -> Option<Self> {
-        None
-    }
-
-    fn from_i64(number: i64) -> Option<Self> {
-        Self::try_from(number).ok()
-    }
-}
-
-impl Number for i32 {
-    const WORD: &'static str = "a whole number, ";
-
-    fn from_f64(_: f64) -> Option<Self> {
-        None
-    }
-
-    fn from_i64(number: i64) -> Option<Self> {
-        Self::try_from(number).ok()
-    }
-}
-
-/// A newtype of [`bounded!`] or [`one_of!`]: what its visitor needs.
-pub(crate) trait Bounded: Sized {
-    type Number: Number;
-    fn accept(number: Self::Number) -> Option<Self>;
-    fn expected() -> String;
-}
-
-struct BoundedVisitor<T>(PhantomData<T>);
-
-impl<T: Bounded> Visitor<'_> for BoundedVisitor<T> {
-    type Value = T;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&T::expected())
-    }
-
-    fn visit_f64<E: Error>(self, number: f64) -> Result<T, E> {
-        T::Number::from_f64(number).and_then(T::accept).ok_or_else(|| E::invalid_value(Unexpected::Float(number), &self))
-    }
-
-    fn visit_i64<E: Error>(self, number: i64) -> Result<T, E> {
-        T::Number::from_i64(number).and_then(T::accept).ok_or_else(|| E::invalid_value(Unexpected::Signed(number), &self))
-    }
-
-    fn visit_u64<E: Error>(self, number: u64) -> Result<T, E> {
-        i64::try_from(number)
-            .ok()
-            .and_then(T::Number::from_i64)
-            .and_then(T::accept)
-            .ok_or_else(|| E::invalid_value(Unexpected::Unsigned(number), &self))
-    }
-}
-
-pub(crate) fn deserialize<'de, T: Bounded, D: Deserializer<'de>>(deserializer: D) -> Result<T, D::Error> {
-    deserializer.deserialize_any(BoundedVisitor(PhantomData))
-}
-
-/// Declares newtypes of numbers with limits, a unit and a default: `Name: f64 in 0.005..=1.0, "m", default 0.05;`.
-///
-/// A value outside, and NaN, cannot be made. The limits reach the error messages, the JSON schema and the option reference from here.
+/// [`document::bounded!`] with a JSON schema: `Name: f64 in 0.005..=1.0, "m", default 0.05;`.
 macro_rules! bounded {
-    ($($(#[$doc:meta])* $name:ident: $number:ident in $min:literal..=$max:literal, $unit:literal $(, default $default:literal)?;)+) => {$(
-        $(#[$doc])*
-        #[doc = concat!(" From ", stringify!($min), " to ", stringify!($max), " ", $unit, $(", by default ", stringify!($default),)? ".")]
-        #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
-        pub struct $name($number);
-
-        impl $name {
-            /// The smallest value.
-            pub const MIN: Self = Self($min);
-            /// The greatest value.
-            pub const MAX: Self = Self($max);
-
-            /// For constants: the assertion fails the build.
-            #[allow(dead_code, reason = "not every setting has a default in the code")]
-            pub(crate) const fn literal(number: $number) -> Self {
-                assert!(number >= Self::MIN.0 && number <= Self::MAX.0, "outside the limits of the setting");
-                Self(number)
-            }
-
-            /// The number.
-            #[must_use]
-            pub const fn get(self) -> $number {
-                self.0
-            }
-        }
-
-        $(impl Default for $name {
-            fn default() -> Self {
-                const { Self::literal($default) }
-            }
-        })?
-
-        impl $crate::bounded::Bounded for $name {
-            type Number = $number;
-
-            fn accept(number: $number) -> Option<Self> {
-                (Self::MIN.0..=Self::MAX.0).contains(&number).then_some(Self(number))
-            }
-
-            fn expected() -> String {
-                let range = format!("{}{} to {} {}", <$number as $crate::bounded::Number>::WORD, Self::MIN.0, Self::MAX.0, $unit);
-                range.trim_end().to_owned()
-            }
-        }
-
-        $crate::bounded::common_impls!($name, $number);
-
-        impl schemars::JsonSchema for $name {
+    ($($(#[$doc:meta])* $name:ident: $number:ident in $min:literal..=$max:literal, $unit:literal $(, default $default:literal)?;)+) => {
+        document::bounded! { $($(#[$doc])* $name: $number in $min..=$max, $unit $(, default $default)?;)+ }
+        $(impl schemars::JsonSchema for $name {
             fn schema_name() -> std::borrow::Cow<'static, str> {
                 stringify!($name).into()
             }
@@ -165,50 +22,15 @@ macro_rules! bounded {
                 }
                 schema
             }
-        }
-    )+};
+        })+
+    };
 }
 
-/// Declares newtypes of numbers of which only a few are possible: `Name: u32 of [9600, 19200];`.
+/// [`document::one_of!`] with a JSON schema: `Name: u32 of [9600, 19200];`.
 macro_rules! one_of {
-    ($($(#[$doc:meta])* $name:ident: $number:ident of [$($possible:literal),+] $(, default $default:literal)?;)+) => {$(
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub struct $name($number);
-
-        impl $name {
-            /// Every possible value.
-            pub const ALL: &'static [Self] = &[$(Self($possible)),+];
-
-            /// The number.
-            #[must_use]
-            pub const fn get(self) -> $number {
-                self.0
-            }
-        }
-
-        $(impl Default for $name {
-            fn default() -> Self {
-                Self($default)
-            }
-        })?
-
-        impl $crate::bounded::Bounded for $name {
-            type Number = $number;
-
-            fn accept(number: $number) -> Option<Self> {
-                [$($possible),+].contains(&number).then_some(Self(number))
-            }
-
-            fn expected() -> String {
-                let possible = [$($possible.to_string()),+];
-                format!("one of {}", possible.join(", "))
-            }
-        }
-
-        $crate::bounded::common_impls!($name, $number);
-
-        impl schemars::JsonSchema for $name {
+    ($($(#[$doc:meta])* $name:ident: $number:ident of [$($possible:literal),+] $(, default $default:literal)?;)+) => {
+        document::one_of! { $($(#[$doc])* $name: $number of [$($possible),+] $(, default $default)?;)+ }
+        $(impl schemars::JsonSchema for $name {
             fn schema_name() -> std::borrow::Cow<'static, str> {
                 stringify!($name).into()
             }
@@ -220,36 +42,8 @@ macro_rules! one_of {
             fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
                 schemars::json_schema!({ "type": "integer", "enum": [$($possible),+] })
             }
-        }
-    )+};
-}
-
-/// What [`bounded!`] and [`one_of!`] share.
-macro_rules! common_impls {
-    ($name:ident, $number:ident) => {
-        impl TryFrom<$number> for $name {
-            type Error = $crate::OutOfRange;
-
-            fn try_from(number: $number) -> Result<Self, $crate::OutOfRange> {
-                <Self as $crate::bounded::Bounded>::accept(number).ok_or_else(|| $crate::OutOfRange {
-                    found: number.to_string(),
-                    expected: <Self as $crate::bounded::Bounded>::expected(),
-                })
-            }
-        }
-
-        impl serde::Serialize for $name {
-            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serde::Serialize::serialize(&self.0, serializer)
-            }
-        }
-
-        impl<'de> serde::Deserialize<'de> for $name {
-            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                $crate::bounded::deserialize(deserializer)
-            }
-        }
+        })+
     };
 }
 
-pub(crate) use {bounded, common_impls, one_of};
+pub(crate) use {bounded, one_of};

@@ -2,7 +2,9 @@
 
 use std::collections::HashSet;
 
-use crate::{BuiltIn, Disturbance, Fault, Pace, Port, Program, Provides, RoutedService, Settings, Viewer};
+use document::Fault;
+
+use crate::{BuiltIn, Disturbance, Pace, Port, Program, Provides, RoutedService, Settings, Viewer};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;

@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf, absolute};
 
-use crate::document::{one_line_of, parse_checked, read_text};
-use crate::{Port, Program, Settings, SettingsError};
+use document::{DocumentError, parse_checked, read_text};
+
+use crate::{Port, Program, Settings};
 
 impl Settings {
     /// Reads a deployment's file. Relative paths in it mean its folder and come out absolute.
     ///
     /// # Errors
     /// The first problem of the file, in one line with file, line, key, value and what was expected.
-    pub fn read(path: &Path) -> Result<Self, SettingsError> {
+    pub fn read(path: &Path) -> Result<Self, DocumentError> {
         let text = read_text(path)?;
         let mut settings = Self::parse(&path.display().to_string(), &text)?;
-        let file = absolute(path).map_err(|source| SettingsError::Unreadable { file: one_line_of(path), source })?;
+        let file = absolute(path).map_err(|source| DocumentError::unreadable(path, source))?;
         if let Some(folder) = file.parent() {
             settings.resolve(folder);
         }
@@ -24,7 +25,7 @@ impl Settings {
     ///
     /// # Errors
     /// As [`Settings::read`].
-    pub fn parse(file: &str, text: &str) -> Result<Self, SettingsError> {
+    pub fn parse(file: &str, text: &str) -> Result<Self, DocumentError> {
         parse_checked(file, text, Self::check)
     }
 
@@ -32,14 +33,14 @@ impl Settings {
     ///
     /// # Errors
     /// When a path is not UTF-8.
-    pub fn to_toml(&self) -> Result<String, SettingsError> {
+    pub fn to_toml(&self) -> Result<String, DocumentError> {
         for (key, path) in self.paths() {
             if path.to_str().is_none() {
-                return Err(SettingsError::Unwritable { key: key.to_owned() });
+                return Err(DocumentError::Unwritable { key: key.to_owned() });
             }
         }
         // Every other value is a number, a word or a list of them.
-        toml::to_string(self).map_err(|error| SettingsError::Unwritable { key: error.to_string() })
+        toml::to_string(self).map_err(|error| DocumentError::Unwritable { key: error.to_string() })
     }
 
     fn paths(&self) -> impl Iterator<Item = (&'static str, &Path)> {

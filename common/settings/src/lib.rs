@@ -21,10 +21,8 @@
 //!
 //! let refused = Settings::parse("example.toml", &text.replace("0.1", "-0.05")).unwrap_err();
 //! assert_eq!(refused.to_string(), "example.toml:5: mapping.cell_m = -0.05: expected 0.005 to 1 m");
-//! # Ok::<(), settings::SettingsError>(())
+//! # Ok::<(), settings::DocumentError>(())
 //! ```
-//!
-//! Other TOML files, such as the simulator's worlds, are read by [`parse`] and [`parse_checked`] with the same errors.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod background_subtraction;
@@ -32,12 +30,9 @@ mod bounded;
 mod camera;
 mod check;
 mod deployment;
-mod document;
-mod error;
 mod faults;
 mod files;
 mod fti;
-mod located;
 mod mapping;
 mod pioneer;
 mod playback;
@@ -54,15 +49,13 @@ mod viewer;
 pub use background_subtraction::{
     BlobArea, Compensation, CovarianceFactor, Deviations, Freedom, RegionBound, Sbs, Takeover, TrainingFrames,
 };
-pub use bounded::OutOfRange;
 pub use camera::{
     Camera, CameraControl, CameraFormat, CameraGain, CameraHeight, CameraInput, ControlValue, Exposure, FieldOfView, FrameRate,
     HorizonShare, PictureHeight, PictureWidth, WhiteBalance,
 };
 pub use check::{MAX_FAULTS, MAX_PROCESSES, MAX_SONARS};
 pub use deployment::{Pace, Settings};
-pub use document::{MAX_BYTES, parse, parse_checked, read_text};
-pub use error::{Fault, SettingsError};
+pub use document::{DocumentError, Fault, OutOfRange};
 pub use faults::{
     Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultSeed, FaultStart, Injector, NoSuchFault, PlannedFault, ProcessFault,
     RoutedService, StreamFault,

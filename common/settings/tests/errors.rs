@@ -1,7 +1,7 @@
 //! Every kind of problem, with the one line that tells it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
-use stillmap_settings::{Settings, SettingsError};
+use stillmap_settings::{DocumentError, Settings};
 
 /// A deployment to which a test adds what it wants to see refused: 7 lines.
 const BASE: &str = r#"name = "test"
@@ -15,7 +15,7 @@ run = "mapping"
 
 #[track_caller]
 fn refused(text: &str) -> String {
-    let error: SettingsError = Settings::parse("demo.toml", text).expect_err("the text has a problem");
+    let error: DocumentError = Settings::parse("demo.toml", text).expect_err("the text has a problem");
     let line = error.to_string();
     assert!(!line.contains('\n'), "{line}");
     line

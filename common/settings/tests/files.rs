@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use stillmap_settings::{BuiltIn, CellSize, Pace, Port, Process, Program, Settings, SettingsError};
+use stillmap_settings::{BuiltIn, CellSize, DocumentError, Pace, Port, Process, Program, Settings};
 
 fn config(file: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file)
@@ -149,7 +149,7 @@ fn files_that_are_no_text() {
     assert_eq!(missing.to_string(), format!("{name}: cannot be read: No such file or directory (os error 2)"));
 
     let directory = Settings::read(folder.path()).unwrap_err();
-    assert!(matches!(directory, SettingsError::Unreadable { .. }), "{directory}");
+    assert!(matches!(directory, DocumentError::Unreadable { .. }), "{directory}");
 
     std::fs::write(&file, b"name = \"x\"\n# caf\xe9\n").unwrap();
     let latin = Settings::read(&file).unwrap_err();

@@ -329,7 +329,7 @@ mod tests {
     /// The frames of a robot that stands for ten seconds and looks along x, past this wall, at somebody on this way.
     fn frames(wall: &str, walker: &str, failings: &Failings, seed: u64) -> Vec<CameraMotion> {
         let text = format!("wall = [{wall}]\nwalker = [{walker}]\n[robot]\nstart_m = [0, 0]\nway = [{{ to_m = [0, 0], stop_s = 9 }}]\n");
-        let mut blobs = Blobs::new(&settings::parse("test", &text).unwrap(), &OPTICS, failings, seed);
+        let mut blobs = Blobs::new(&document::parse("test", &text).unwrap(), &OPTICS, failings, seed);
         std::iter::from_fn(|| blobs.next_frame()).map(|(_, motion)| motion).collect()
     }
 

@@ -64,7 +64,7 @@ mod tests {
 
     fn drive(error: &str) -> Pose {
         let start = Pose { x_m: 1.0, y_m: 2.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
-        let mut odometry = Odometry::new(settings::parse("test", error).unwrap(), start);
+        let mut odometry = Odometry::new(document::parse("test", error).unwrap(), start);
         let mut chance = ChaCha8Rng::seed_from_u64(1);
         (1..=100).map(|step| odometry.step(Pose { y_m: 2.0 + 0.1 * f64::from(step), ..start }, &mut chance)).last().unwrap()
     }

@@ -5,9 +5,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use bus::{BusError, Writer};
+use document::DocumentError;
 use messages::{TruthScan, TruthSurfaces};
 use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
-use settings::{BuiltIn, Provides, Settings, SettingsError};
+use settings::{BuiltIn, Provides, Settings};
 
 use crate::body::Body;
 use crate::drive_state::DriveState;
@@ -35,7 +36,7 @@ const FAREWELL_LOOK: Duration = Duration::from_millis(10);
 pub enum SimulatorError {
     /// The world's file is no world.
     #[error("{0}")]
-    World(#[from] SettingsError),
+    World(#[from] DocumentError),
     /// No serial port for the robot.
     #[error("cannot open a pseudo-terminal as {path}: {source}")]
     Terminal {
@@ -56,8 +57,8 @@ pub enum SimulatorError {
 ///
 /// # Errors
 /// When the file cannot be read; otherwise its first problem, in one line with file, line, key, value and what was expected.
-pub fn read_world(path: &Path) -> Result<World, SettingsError> {
-    World::parse(&path.display().to_string(), &settings::read_text(path)?)
+pub fn read_world(path: &Path) -> Result<World, DocumentError> {
+    World::parse(&path.display().to_string(), &document::read_text(path)?)
 }
 
 /// Runs the simulator of a deployment until its robot has come to the end of its way.

@@ -87,7 +87,7 @@ mod tests {
 
     fn walker() -> Walker {
         let walker = "from_m = [0, 0]\nstart_s = 2\nspeed_m_s = 1\nstep_m = 0.5\nway = [{ to_m = [4, 0], stop_s = 3 }, { to_m = [4, 4] }]";
-        Walker::new(&settings::parse("test", walker).unwrap())
+        Walker::new(&document::parse("test", walker).unwrap())
     }
 
     #[test]

@@ -207,8 +207,8 @@ impl Opening {
 mod tests {
     use super::*;
 
-    fn wall(toml: &str) -> Result<Wall, settings::SettingsError> {
-        settings::parse("test", toml)
+    fn wall(toml: &str) -> Result<Wall, document::DocumentError> {
+        document::parse("test", toml)
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! Places are `[x, y]` in metres in the world's frame (right-handed), headings counter-clockwise from x.
 
+use document::{DocumentError, Fault};
 use serde::Deserialize;
-use settings::{Fault, SettingsError};
 
 use crate::geometry::Segment;
 use crate::quantity::{
@@ -53,8 +53,8 @@ impl World {
     ///
     /// # Errors
     /// The first problem of the text, in one line with file, line, key, value and what was expected.
-    pub fn parse(file: &str, text: &str) -> Result<Self, SettingsError> {
-        settings::parse_checked(file, text, Self::check)
+    pub fn parse(file: &str, text: &str) -> Result<Self, DocumentError> {
+        document::parse_checked(file, text, Self::check)
     }
 
     /// Checks what no part of the world can say alone.

@@ -3,8 +3,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use document::DocumentError;
 use serde::{Deserialize, Serialize};
-use settings::{PlannedFault, SettingsError};
+use settings::PlannedFault;
 
 /// Folder of the requests within the folder of the domain.
 const FOLDER: &str = "faults";
@@ -22,7 +23,7 @@ pub enum RequestError {
     },
     /// The file does not describe a fault.
     #[error("{0}")]
-    Unreadable(#[from] SettingsError),
+    Unreadable(#[from] DocumentError),
     /// The fault cannot be serialised.
     #[error("this fault cannot be written: {0}")]
     Unwritable(#[from] toml::ser::Error),
@@ -61,7 +62,7 @@ pub fn take_requests(domain: &Path) -> Vec<Result<PlannedFault, RequestError>> {
         if path.extension().is_none_or(|extension| extension != "toml") {
             continue;
         }
-        let read = settings::read_text(&path).and_then(|text| settings::parse::<Request>(&path.display().to_string(), &text));
+        let read = document::read_text(&path).and_then(|text| document::parse::<Request>(&path.display().to_string(), &text));
         if let Err(source) = std::fs::remove_file(&path) {
             taken.push(Err(RequestError::Io { path, source }));
             continue;

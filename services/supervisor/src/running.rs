@@ -2,7 +2,7 @@
 
 use bus::{BusError, DomainError};
 use messages::{DeploymentStatus, MapSummary};
-use settings::SettingsError;
+use settings::DocumentError;
 use std::io;
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ pub enum Report<'a> {
 pub enum RunError {
     /// The settings cannot be handed to the processes.
     #[error("{0}")]
-    Settings(#[from] SettingsError),
+    Settings(#[from] DocumentError),
     /// The domain is taken or cannot be made.
     #[error("{0}")]
     Domain(#[from] DomainError),

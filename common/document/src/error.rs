@@ -1,8 +1,10 @@
-//! What can be wrong with a settings file, one line each.
+//! Why a file is refused, in one line.
+
+use std::path::Path;
 
 /// Why a file was refused. `Display` is one line that says where, what was found and what was expected.
 #[derive(Debug, thiserror::Error)]
-pub enum SettingsError {
+pub enum DocumentError {
     /// The file cannot be opened or read.
     #[error("{file}: cannot be read: {source}")]
     Unreadable {
@@ -89,7 +91,15 @@ pub enum SettingsError {
     },
 }
 
-/// A value that does not go with the rest of the settings.
+impl DocumentError {
+    /// `path` cannot be opened, read or resolved.
+    #[must_use]
+    pub fn unreadable(path: &Path, source: std::io::Error) -> Self {
+        Self::Unreadable { file: one_line(&path.display().to_string()), source }
+    }
+}
+
+/// A value that does not go with the rest of the document.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{key}: expected {expected}")]
 pub struct Fault {

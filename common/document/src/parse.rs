@@ -10,35 +10,35 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{one_line, shortened};
 use crate::located::{Kind, Located, Refusal};
-use crate::{Fault, SettingsError};
+use crate::{DocumentError, Fault};
 
-/// Longest settings file that is read, in bytes.
+/// Longest file that is read, in bytes: the shipped deployments have at most 5,200.
 pub const MAX_BYTES: usize = 1 << 20;
 
-/// The text of a settings or world file.
+/// The text of a file.
 ///
 /// # Errors
 /// When the file cannot be read, is longer than [`MAX_BYTES`] or is not UTF-8.
-pub fn read_text(path: &Path) -> Result<String, SettingsError> {
-    let file = || one_line_of(path);
+pub fn read_text(path: &Path) -> Result<String, DocumentError> {
+    let file = || one_line(&path.display().to_string());
     let mut bytes = Vec::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes))
-        .map_err(|source| SettingsError::Unreadable { file: file(), source })?;
+        .map_err(|source| DocumentError::unreadable(path, source))?;
     if bytes.len() > MAX_BYTES {
-        return Err(SettingsError::TooLong { file: file(), limit: MAX_BYTES });
+        return Err(DocumentError::TooLong { file: file(), limit: MAX_BYTES });
     }
     decode(&file(), bytes)
 }
 
 /// UTF-8 bytes as text.
-pub(crate) fn decode(file: &str, bytes: Vec<u8>) -> Result<String, SettingsError> {
+fn decode(file: &str, bytes: Vec<u8>) -> Result<String, DocumentError> {
     String::from_utf8(bytes).map_err(|error| {
         let offset = error.utf8_error().valid_up_to();
         let before = &error.as_bytes()[..offset];
         let byte = error.as_bytes().get(offset).copied().unwrap_or_default();
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
-        SettingsError::NotText { file: file.to_owned(), line, offset, byte }
+        DocumentError::NotText { file: file.to_owned(), line, offset, byte }
     })
 }
 
@@ -46,7 +46,7 @@ pub(crate) fn decode(file: &str, bytes: Vec<u8>) -> Result<String, SettingsError
 ///
 /// # Errors
 /// The first problem of the text, with file, line, key, value and what was expected.
-pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, SettingsError> {
+pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, DocumentError> {
     parse_checked(file, text, |_| Ok(()))
 }
 
@@ -54,10 +54,10 @@ pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, SettingsE
 ///
 /// # Errors
 /// As [`parse`]; and the fault that `check` finds.
-pub fn parse_checked<T: DeserializeOwned>(file: &str, text: &str, check: impl FnOnce(&T) -> Result<(), Fault>) -> Result<T, SettingsError> {
+pub fn parse_checked<T: DeserializeOwned>(file: &str, text: &str, check: impl FnOnce(&T) -> Result<(), Fault>) -> Result<T, DocumentError> {
     let source = Source { file: one_line(file), text };
     if text.len() > MAX_BYTES {
-        return Err(SettingsError::TooLong { file: source.file, limit: MAX_BYTES });
+        return Err(DocumentError::TooLong { file: source.file, limit: MAX_BYTES });
     }
     let table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
     let span = table.span();
@@ -67,10 +67,6 @@ pub fn parse_checked<T: DeserializeOwned>(file: &str, text: &str, check: impl Fn
     Ok(value)
 }
 
-pub(crate) fn one_line_of(path: &Path) -> String {
-    one_line(&path.display().to_string())
-}
-
 /// A text under the name that errors call it by.
 struct Source<'t> {
     file: String,
@@ -78,7 +74,7 @@ struct Source<'t> {
 }
 
 impl Source<'_> {
-    fn syntax(&self, error: &toml::de::Error) -> SettingsError {
+    fn syntax(&self, error: &toml::de::Error) -> DocumentError {
         let span = error.span().unwrap_or(self.text.len()..self.text.len());
         let (line, column) = self.place(span.start);
         // An empty span points at the character that should not be there.
@@ -87,30 +83,30 @@ impl Source<'_> {
             piece if piece.trim().is_empty() => "the end of the line".to_owned(),
             piece => format!("`{}`", shortened(piece)),
         };
-        SettingsError::Syntax { file: self.file.clone(), line, column, found, problem: one_line(error.message()) }
+        DocumentError::Syntax { file: self.file.clone(), line, column, found, problem: one_line(error.message()) }
     }
 
-    fn refusal(&self, refusal: Refusal) -> SettingsError {
+    fn refusal(&self, refusal: Refusal) -> DocumentError {
         let key = refusal.key();
         let span = refusal.span.clone().unwrap_or(0..0);
         let (line, _) = self.place(span.start);
         match refusal.kind {
             Kind::UnknownKey { known } => {
-                SettingsError::UnknownKey { file: self.file.clone(), line, known: nearest_first(&key, known), key }
+                DocumentError::UnknownKey { file: self.file.clone(), line, known: nearest_first(&key, known), key }
             }
-            Kind::MissingKey => SettingsError::MissingKey { file: self.file.clone(), line, key },
+            Kind::MissingKey => DocumentError::MissingKey { file: self.file.clone(), line, key },
             Kind::Value(problem) => {
                 let found = (!refusal.in_table).then(|| shortened(self.piece(span)));
-                SettingsError::Value { file: self.file.clone(), line, key, found, problem: one_line(&problem) }
+                DocumentError::Value { file: self.file.clone(), line, key, found, problem: one_line(&problem) }
             }
         }
     }
 
-    fn fault(&self, document: &Spanned<DeValue<'_>>, fault: Fault) -> SettingsError {
+    fn fault(&self, document: &Spanned<DeValue<'_>>, fault: Fault) -> DocumentError {
         let (value, written) = deepest(document, &fault.key);
         let (line, _) = self.place(value.span().start);
         let found = (written && !is_table_like(value.get_ref())).then(|| shortened(self.piece(value.span())));
-        SettingsError::Value {
+        DocumentError::Value {
             file: self.file.clone(),
             line,
             key: fault.key,

@@ -1,8 +1,8 @@
-//! TOML files that are no deployment, read with the same errors.
+//! Errors of TOML files, by type of problem.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking")]
 
 use serde::Deserialize;
-use stillmap_settings::{Fault, parse, parse_checked};
+use stillmap_document::{Fault, parse, parse_checked};
 
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
