@@ -20,8 +20,7 @@ pub(crate) enum PioneerCommand {
 /// Carries out the command.
 pub(crate) fn pioneer(command: &PioneerCommand) -> anyhow::Result<()> {
     let PioneerCommand::Probe { port } = command;
-    let parameters = Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0);
-    let answer = pioneer::probe(port, &parameters).map_err(|error| BadInput(error.to_string()))?;
+    let answer = pioneer::probe(port, &Parameters::default()).map_err(|error| BadInput(error.to_string()))?;
     output::write(&describe(port, &answer))?;
     Ok(())
 }

@@ -34,8 +34,7 @@ fuzz_target!(|bytes: &[u8]| {
             common::changed(&sound[..sound.len().min(4096)], bytes)
         }
     };
-    let settings = &*common::SETTINGS;
-    let mut session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, 1.0), None);
+    let mut session = Session::new(Parameters::default(), None);
     let (mut now_ns, mut last) = (1_000_000_000, (0, 0));
     let mut outputs = session.step(Input::Opened, now_ns);
     for piece in line.chunks(usize::from(*piece) + 1) {

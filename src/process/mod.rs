@@ -4,6 +4,7 @@
 
 pub mod fti;
 pub mod mapping;
+mod pioneer;
 pub mod sbs;
 pub mod std;
 

@@ -1,8 +1,9 @@
 //! Single processes on a bus of their own.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking")]
 
 mod mapping;
+mod pioneer;
 mod sbs;
 #[path = "../../services/sbs/tests/common/wall.rs"]
 mod wall;

@@ -1,7 +1,6 @@
 //! Driver of a Pioneer's serial sonar and odometry (PSOS and P2OS protocol).
 //!
-//! The core opens no port and reads no clock: a [`Session`] takes bytes and times and returns commands and scans. The shell
-//! ([`run`]) is a serial port and the bus around it.
+//! The core opens no port and reads no clock: a [`Session`] takes bytes and times and returns commands and scans.
 //!
 //! | part | does |
 //! | --- | --- |
@@ -12,6 +11,7 @@
 //! | [`Condition`] | what is wrong with the robot or its line, while it lasts |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
 //! | [`recording`] | decodes what somebody has recorded |
+//! | [`Port`] | a serial port that never blocks |
 //! | [`probe()`] | asks who is on a port |
 //!
 //! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so. *Doubt*: a gap in which
@@ -30,7 +30,6 @@ mod odometry;
 mod parameters;
 mod port;
 mod probe;
-mod process;
 mod readings;
 pub mod recording;
 mod scanner;
@@ -45,8 +44,8 @@ pub use event::Event;
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
 pub use parameters::Parameters;
+pub use port::{Port, words};
 pub use probe::{Answer, ProbeError, probe};
-pub use process::{PioneerError, run};
 pub use readings::{Readings, readings};
 pub use scanner::{Doubt, Refusals, Scanner};
 pub use session::Session;

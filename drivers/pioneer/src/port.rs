@@ -9,7 +9,7 @@ use serialport::{ClearBuffer, SerialPort, TTYPort};
 
 /// An open port: raw, 8 data bits, no parity, 1 stop bit, no flow control.
 #[derive(Debug)]
-pub(crate) struct Port {
+pub struct Port {
     tty: TTYPort,
 }
 
@@ -18,7 +18,7 @@ impl Port {
     ///
     /// # Errors
     /// When it is not there, may not be opened, or another program has it.
-    pub(crate) fn open(path: &Path, baud: u32) -> serialport::Result<Self> {
+    pub fn open(path: &Path, baud: u32) -> serialport::Result<Self> {
         // A pseudo-terminal whose other end lives on would still be marked as taken after a kill.
         let device = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let exclusive = !device.starts_with("/dev/pts");
@@ -30,7 +30,7 @@ impl Port {
     ///
     /// # Errors
     /// When the device refuses.
-    pub(crate) fn set_baud(&mut self, baud: u32) -> serialport::Result<()> {
+    pub fn set_baud(&mut self, baud: u32) -> serialport::Result<()> {
         self.tty.set_baud_rate(baud)?;
         self.flush()
     }
@@ -39,7 +39,7 @@ impl Port {
     ///
     /// # Errors
     /// When the device refuses.
-    pub(crate) fn flush(&self) -> serialport::Result<()> {
+    pub fn flush(&self) -> serialport::Result<()> {
         self.tty.clear(ClearBuffer::Input)
     }
 
@@ -47,7 +47,7 @@ impl Port {
     ///
     /// # Errors
     /// When the device is gone.
-    pub(crate) fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+    pub fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if bytes.is_empty() {
             return Ok(0);
         }
@@ -62,7 +62,7 @@ impl Port {
     ///
     /// # Errors
     /// When the device is gone.
-    pub(crate) fn send(&mut self, packet: &[u8]) -> io::Result<bool> {
+    pub fn send(&mut self, packet: &[u8]) -> io::Result<bool> {
         match self.tty.write_all(packet) {
             Ok(()) => Ok(true),
             Err(error) if is_nothing(&error) => Ok(false),
@@ -71,7 +71,7 @@ impl Port {
     }
 
     /// Becomes readable when bytes come, or the device goes.
-    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
         // SAFETY: the port owns the descriptor and keeps it open as long as it lives, which the borrow outlasts not.
         #[expect(unsafe_code, reason = "serialport hands out the raw number only")]
         unsafe {
@@ -81,7 +81,7 @@ impl Port {
 }
 
 /// Why a port cannot be opened or set, in words that say what to do.
-pub(crate) fn words(error: &serialport::Error) -> String {
+pub fn words(error: &serialport::Error) -> String {
     use serialport::ErrorKind::{Io, NoDevice, Unknown};
     match error.kind() {
         Io(io::ErrorKind::NotFound) => "no such device: is the adapter plugged in? `ls /dev/serial/by-id` shows what there is".to_owned(),

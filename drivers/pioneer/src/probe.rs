@@ -194,12 +194,8 @@ impl Findings {
 mod tests {
     use super::*;
 
-    fn parameters() -> Parameters {
-        Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0)
-    }
-
     fn answer(findings: Findings) -> Result<Answer, ProbeError> {
-        findings.answer("/dev/x".to_owned(), &parameters(), 0, String::new())
+        findings.answer("/dev/x".to_owned(), &Parameters::default(), 0, String::new())
     }
 
     fn connected(subclass: &str) -> Findings {
@@ -233,7 +229,7 @@ mod tests {
 
     #[test]
     fn a_port_that_cannot_be_opened_is_told_in_one_line() {
-        let told = |path: &str| probe(Path::new(path), &parameters()).unwrap_err().to_string();
+        let told = |path: &str| probe(Path::new(path), &Parameters::default()).unwrap_err().to_string();
         assert_eq!(
             told("/dev/no-such-port"),
             "/dev/no-such-port: no such device: is the adapter plugged in? `ls /dev/serial/by-id` shows what there is"

@@ -6,8 +6,8 @@ mod support;
 use messages::{AFTER_DOUBT, Payload, SonarScan};
 use proptest::prelude::*;
 use stillmap_pioneer::recording::decode;
-use stillmap_pioneer::{Input, Output, Session};
-use support::{Drive, MS, Robot, S, parameters, recording};
+use stillmap_pioneer::{Input, Output, Parameters, Session};
+use support::{Drive, MS, Robot, S, recording};
 
 /// Numbers that look random and are the same every time.
 struct Dice(u64);
@@ -42,12 +42,12 @@ fn way_m(scans: &[SonarScan]) -> Vec<(f64, f64)> {
 #[test]
 fn a_bit_in_a_thousand_flipped_leaves_the_way_the_same() {
     let clean = recording("aria291-wander_mobilesim-pion1x.s2c.bin");
-    let expect = way_m(&decode(&clean, &parameters()).scans);
+    let expect = way_m(&decode(&clean, &Parameters::default()).scans);
     let (mut scans, mut refused) = (0, 0);
     for seed in 1..=200 {
         let mut bytes = clean.clone();
         flip_bits(&mut bytes[105..], &mut Dice(seed), 1000);
-        let found = decode(&bytes, &parameters());
+        let found = decode(&bytes, &Parameters::default());
         scans += found.scans.len();
         refused += found.refusals.odometry;
         for scan in &found.scans {
@@ -122,7 +122,7 @@ proptest! {
         from in 0_usize..24000,
     ) {
         let recorded = recording("aria291-wander_mobilesim-pion1x.s2c.bin");
-        let mut session = Session::new(parameters(), None);
+        let mut session = Session::new(Parameters::default(), None);
         let mut now_ns = S;
         let _ = session.step(Input::Opened, now_ns);
         for (place, (bytes, wait_ms)) in pieces.iter().enumerate() {

@@ -14,7 +14,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use stillmap_pioneer::{Answer, Parameters, ProbeError, probe};
-use support::{MS, Robot, parameters};
+use support::{MS, Robot};
 
 /// What is at the other end of the line: takes the bytes that came and the time, and answers.
 type Device = Box<dyn FnMut(&[u8], u64) -> Vec<u8> + Send>;
@@ -32,7 +32,7 @@ fn probed(mut device: Device) -> Result<Answer, ProbeError> {
     tcsetattr(&held, OptionalActions::Now, &mode).unwrap();
     let (done, end) = rustix::pipe::pipe().unwrap();
     let served = thread::Builder::new().name("device".to_owned()).spawn(move || serve(&line, &done, &mut device)).unwrap();
-    let quick = Parameters { echo_ns: 300 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..parameters() };
+    let quick = Parameters { echo_ns: 300 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..Parameters::default() };
     let answer = probe(&path, &quick);
     drop(end);
     served.join().unwrap();

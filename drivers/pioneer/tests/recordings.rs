@@ -7,7 +7,7 @@ use messages::{Payload, SonarScan};
 use psos::LinkCounters;
 use stillmap_pioneer::recording::{Recording, decode};
 use stillmap_pioneer::{Input, Output, Parameters, Refusals, Session};
-use support::{MS, parameters, recording};
+use support::{MS, recording};
 
 const WANDER: &str = "aria291-wander_mobilesim-pion1x.s2c.bin";
 const REST: &str = "aria291-simpleConnect-pty_mobilesim-pion1x.s2c.bin";
@@ -15,7 +15,7 @@ const WHILE_OPEN: &str = "raw-sync-while-open_mobilesim.s2c.bin";
 
 /// The recorded simulator's own limit is 3.5 m: above the default limit, so that its readings can be told apart.
 fn far() -> Parameters {
-    Parameters { range_limit_m: 3.6, ..parameters() }
+    Parameters { range_limit_m: 3.6, ..Parameters::default() }
 }
 
 #[track_caller]
@@ -32,9 +32,9 @@ fn check_whole(recording: &Recording, scans: usize) {
 
 #[test]
 fn every_packet_of_the_recordings_is_a_scan() {
-    check_whole(&decode(&recording(REST), &parameters()), 32);
-    check_whole(&decode(&recording(WANDER), &parameters()), 389);
-    let while_open = decode(&recording(WHILE_OPEN), &parameters());
+    check_whole(&decode(&recording(REST), &Parameters::default()), 32);
+    check_whole(&decode(&recording(WANDER), &Parameters::default()), 389);
+    let while_open = decode(&recording(WHILE_OPEN), &Parameters::default());
     check_whole(&while_open, 36);
     assert_eq!(while_open.scans.iter().filter(|scan| scan.count == 0).count(), 8, "SONAR 0: no readings");
 }
@@ -53,7 +53,7 @@ fn ranges_are_those_of_the_box() {
 
 #[test]
 fn readings_beyond_the_limit_are_no_echo() {
-    let scans = decode(&recording(WANDER), &parameters()).scans;
+    let scans = decode(&recording(WANDER), &Parameters::default()).scans;
     let readings: Vec<_> = scans.iter().flat_map(SonarScan::readings).collect();
     assert!(readings.iter().all(|reading| (reading.echo == 0) == (reading.range_m == 3.0)));
     assert!(readings.iter().any(|reading| reading.echo == 0));
@@ -62,7 +62,7 @@ fn readings_beyond_the_limit_are_no_echo() {
 
 #[test]
 fn a_robot_at_rest_stays_where_it_is() {
-    for scan in decode(&recording(REST), &parameters()).scans {
+    for scan in decode(&recording(REST), &Parameters::default()).scans {
         assert_eq!(scan.pose, messages::Pose::default());
     }
 }
@@ -72,7 +72,7 @@ fn a_robot_at_rest_stays_where_it_is() {
 #[test]
 fn odometry_follows_both_wraps() {
     for odometry_modulus in [32768, 65536] {
-        let scans = decode(&recording(WANDER), &Parameters { odometry_modulus, ..parameters() }).scans;
+        let scans = decode(&recording(WANDER), &Parameters { odometry_modulus, ..Parameters::default() }).scans;
         let steps = scans.windows(2).map(|pair| {
             let (before, after) = (pair[0].pose, pair[1].pose);
             (after.x_m - before.x_m).hypot(after.y_m - before.y_m)
@@ -97,7 +97,7 @@ const WANDER_END: (i32, i32, i32) = (22109, 22345, 500);
 #[test]
 fn poses_and_ranges_fit_together() {
     let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
-    for scan in decode(&recording(WANDER), &parameters()).scans {
+    for scan in decode(&recording(WANDER), &Parameters::default()).scans {
         for reading in scan.readings().iter().filter(|reading| reading.echo == 1) {
             let sonar = scan.pose.then(&reading.mount);
             let (sin, cos) = sonar.yaw_rad.sin_cos();
@@ -116,9 +116,9 @@ fn poses_and_ranges_fit_together() {
 #[test]
 fn a_session_fed_in_pieces_of_any_length_gives_the_same_scans() {
     let bytes = recording(WANDER);
-    let expect = decode(&bytes, &parameters()).scans;
+    let expect = decode(&bytes, &Parameters::default()).scans;
     for length in (1..=64).chain([100, 1000, bytes.len()]) {
-        let mut session = Session::new(parameters(), None);
+        let mut session = Session::new(Parameters::default(), None);
         let mut now_ns = 1_000_000 * MS;
         let mut scans = Vec::new();
         let _ = session.step(Input::Opened, now_ns);

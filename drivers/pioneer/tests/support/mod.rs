@@ -7,10 +7,6 @@ use stillmap_pioneer::{Checkpoint, Condition, Event, Input, Output, Parameters, 
 pub(crate) const MS: u64 = 1_000_000;
 pub(crate) const S: u64 = 1000 * MS;
 
-pub(crate) fn parameters() -> Parameters {
-    Parameters::new(&settings::Robot::default(), &settings::Pioneer::default(), 1.0)
-}
-
 pub(crate) fn recording(name: &str) -> Vec<u8> {
     std::fs::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/pioneer").join(name)).unwrap()
 }
@@ -180,7 +176,7 @@ impl Drive {
     }
 
     pub(crate) fn going_on(robot: Robot, checkpoint: Option<Checkpoint>, now_ns: u64) -> Self {
-        let session = Session::new(parameters(), checkpoint);
+        let session = Session::new(Parameters::default(), checkpoint);
         let line_baud = session.baud();
         let mut robot = robot;
         robot.next_sip_ns = robot.next_sip_ns.max(now_ns);

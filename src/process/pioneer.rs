@@ -4,17 +4,13 @@ use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bus::{BusError, Writer};
+use super::robot;
+use ::pioneer::{Checkpoint, Command, Input, Output, Parameters, Port, Session, words};
+use anyhow::Result;
+use bus::Writer;
 use messages::SonarScan;
-use runtime::{Context, Next, RunError, Shell, StepError};
+use runtime::{Context, Next, Shell, StepError};
 use settings::{BuiltIn, Port as PortSetting, Settings};
-
-use crate::checkpoint::Checkpoint;
-use crate::command::Command;
-use crate::exchange::{Input, Output};
-use crate::parameters::Parameters;
-use crate::port::{Port, words};
-use crate::session::Session;
 
 /// Name of the simulator's pseudo-terminal in the domain's folder.
 const SIMULATOR_PORT: &str = "robot";
@@ -25,22 +21,11 @@ const MOST_AT_ONCE: usize = 8192;
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// Why the driver ended that should not have. No state of port or robot is among it: those are waited for.
-#[derive(Debug, thiserror::Error)]
-pub enum PioneerError {
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
-
 /// Runs the driver until it is told to stop.
 ///
 /// # Errors
 /// When the bus fails.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let membership = shell.membership();
     let speed = membership.speed();
     let path = match &settings.pioneer.port {
@@ -54,10 +39,30 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PioneerError> {
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
     }
-    let session = Session::new(Parameters::new(&settings.robot, &settings.pioneer, speed), kept);
+    let session = Session::new(parameters(&settings.robot, &settings.pioneer)?.at_speed(speed), kept);
     let simulated = settings.pioneer.port == PortSetting::Simulator;
     let mut process = Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, speed };
     Ok(shell.run(&mut process)?)
+}
+
+/// The driver's parameters in a deployment that runs as fast as the wall clock.
+fn parameters(robot: &settings::Robot, pioneer: &settings::Pioneer) -> Result<Parameters> {
+    Ok(Parameters {
+        model: robot::model(robot.model)?,
+        ring: if robot.sonar.is_empty() { None } else { Some(robot::sonars(robot)?) },
+        range_limit_m: robot.range_limit_m.get(),
+        odometry_modulus: robot.odometry_modulus.get(),
+        bauds: pioneer.bauds.iter().map(|baud| baud.get()).collect(),
+        pulse_ns: nanoseconds(pioneer.pulse_s.get()),
+        link_lost_ns: nanoseconds(pioneer.link_lost_s.get()),
+        speed_limit_m_s: pioneer.speed_limit_m_s.get(),
+        turn_limit_rad_s: pioneer.turn_limit_rad_s.get(),
+        ..Parameters::default()
+    })
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9) as u64
 }
 
 struct Process {
@@ -231,5 +236,15 @@ impl Process {
         ] {
             context.count(name, value);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn default_settings_are_the_drivers_default_parameters() {
+        assert_eq!(parameters(&settings::Robot::default(), &settings::Pioneer::default()).unwrap(), Parameters::default());
     }
 }

@@ -1,40 +1,22 @@
 //! The driver as a real process at a real pseudo-terminal: fed a recorded session, killed, cut off, stopped.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking")]
-
-mod support;
 
 use std::ffi::OsStr;
 use std::os::fd::OwnedFd;
 use std::os::unix::ffi::OsStrExt;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 
+use ::pioneer::Parameters;
+use ::pioneer::recording::decode;
 use bus::{Domain, Reader, Received};
 use messages::{AFTER_DOUBT, SonarScan};
-use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-use settings::Settings;
-use stillmap_pioneer::recording::decode;
-use support::{parameters, recording};
-
-/// Name of the environment variable that tells the child its port.
-const PORT: &str = "STILLMAP_TEST_PORT";
 
 /// Nothing here takes this long; a test that waits for it hangs.
 const WATCHDOG_S: i64 = 60;
-
-/// The child: this test, started again by the others with the environment of a member of a domain.
-#[test]
-fn driver() {
-    let Some(port) = std::env::var_os(PORT) else { return };
-    let mut settings = Settings::default();
-    settings.pioneer.port = settings::Port::try_from(PathBuf::from(port)).unwrap();
-    let shell = Shell::from_env().unwrap();
-    stillmap_pioneer::run(shell, &settings).unwrap();
-}
 
 /// A driver that does not outlive its test.
 struct Driver(Child);
@@ -46,15 +28,15 @@ impl Drop for Driver {
     }
 }
 
-fn start_driver(domain: &Domain, incarnation: u32, port: &Path) -> Driver {
-    let membership = domain.membership_for("pioneer", incarnation, Path::new("settings.toml"));
-    let child = Command::new(std::env::current_exe().unwrap())
-        .args(["driver", "--exact", "--test-threads=1"])
-        .envs(membership.environment())
-        .env(PORT, port)
-        .spawn()
-        .unwrap();
-    Driver(child)
+fn start_driver(domain: &Domain, incarnation: u32, settings: &Path) -> Driver {
+    let membership = domain.membership_for("pioneer", incarnation, settings);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+    command.args(["process", "pioneer"]).envs(membership.environment()).stdout(Stdio::null());
+    Driver(command.spawn().unwrap())
+}
+
+fn recording(name: &str) -> Vec<u8> {
+    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pioneer").join(name)).unwrap()
 }
 
 /// The robot's end of a line. Like a robot, it keeps the line up when its client is gone.
@@ -149,14 +131,17 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     let folder = std::env::temp_dir().join(format!("stillmap-test-pioneer-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let port = folder.join("port");
+    let settings = folder.join("settings.toml");
+    let text = "name = 'test'\n[[process]]\nname = 'driver'\nrun = 'pioneer'\n[pioneer]\nport = 'port'\n";
+    std::fs::write(&settings, text).unwrap();
     let mut domain = Domain::open(&format!("test-pio-{}", std::process::id()), 1.0).unwrap();
     let mut reader = domain.reader().unwrap();
     let bytes = recording("aria291-wander_mobilesim-pion1x.s2c.bin");
-    let expect = decode(&bytes, &parameters()).scans;
+    let expect = decode(&bytes, &Parameters::default()).scans;
     let (handshake, sips) = parts(&bytes);
 
     // The driver is there before the robot is. Whatever was said before it listens, it takes.
-    let driver = start_driver(&domain, 0, &port);
+    let driver = start_driver(&domain, 0, &settings);
     let mut line = Line::open(&port);
     line.say(handshake);
     line.wait_for(psos::number::SYNC2);
@@ -167,7 +152,7 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     drop(driver);
     domain.remove_the_dead();
     line.say(&sips[200..230].concat());
-    let driver = start_driver(&domain, 1, &port);
+    let driver = start_driver(&domain, 1, &settings);
     line.say(&sips[230..].concat());
     found.extend(scans(&domain, &mut reader, Some(389)));
     assert_eq!(found.len(), 389);
