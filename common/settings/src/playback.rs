@@ -12,6 +12,9 @@ bounded! {
     Window: u32 in 1..=256, "scans", default 256;
 }
 
+/// What a restart relies on is asserted in the registry, for the largest window.
+const _: () = assert!(Window::MAX.0 == messages::Replay::SCANS.window);
+
 /// `[playback]`: a log in place of the robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received};
 use drivelog::{Log, LogError};
-use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
+use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
 
@@ -17,8 +17,6 @@ use crate::window::Window;
 
 /// Most entries of the log looked at in one step: the heartbeat must not wait for a long log.
 const MOST_AT_ONCE: usize = 1024;
-/// Camera frames that are on the way in lockstep; with a consumer's checkpoint interval fewer than the stream's history holds.
-pub(crate) const FRAME_WINDOW: u32 = 8;
 /// Who has not answered for so long is named.
 const LONG_WAIT: Duration = Duration::from_secs(10);
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
@@ -81,7 +79,8 @@ fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, rest
         begin_behind: resume.begin_behind[stream],
         assumed: resume.reserved[stream],
         answers: Answers::new(consumers),
-        window: (settings.pace == Pace::Lockstep).then(|| Window::new(if restarted { window.min(STREAMS[stream].spare) } else { window })),
+        window: (settings.pace == Pace::Lockstep)
+            .then(|| Window::new(if restarted { window.min(STREAMS[stream].replay.spare) } else { window })),
         size: window,
         last: (0, 0),
         sent: 0,
@@ -92,7 +91,7 @@ fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, rest
     let frames = Box::new(Images::<CameraFrame> { cursor: Cursor::new(open()?), writer: shell.frame_writer()? });
     let mut lanes = vec![
         lane(0, scans, SonarScan::SERVICE, settings.playback.window.get(), consumers(settings, answers_scans)),
-        lane(1, frames, CameraFrame::SERVICE, FRAME_WINDOW, consumers(settings, |kind| answers_frames(kind, settings))),
+        lane(1, frames, CameraFrame::SERVICE, Replay::FRAMES.window, consumers(settings, |kind| answers_frames(kind, settings))),
     ];
     // What the camera sees is made anew of its pictures, or else played as it was recorded.
     if !settings.runs(BuiltIn::Sbs) {

@@ -2,39 +2,30 @@
 
 use std::collections::VecDeque;
 
-use messages::{CameraFrame, CameraMotion, Payload, Pictures, SonarScan};
+use messages::{CameraFrame, CameraMotion, Payload, Pictures, Replay, Service, SonarScan};
 
 use crate::schedule::Schedule;
 
 /// The streams that are played, in the order of [`Resume::reserved`].
-pub const STREAMS: [Stream; 3] = [
-    Stream { history: SonarScan::SERVICE.qos.history as u64, reserve: 64, spare: 64 },
-    Stream { history: CameraFrame::SERVICE.qos.history as u64, reserve: 4, spare: 4 },
-    Stream { history: CameraMotion::SERVICE.qos.history as u64, reserve: 64, spare: 64 },
-];
+pub const STREAMS: [Stream; 3] = [Stream::of(&SonarScan::SERVICE), Stream::of(&CameraFrame::SERVICE), Stream::of(&CameraMotion::SERVICE)];
 
-/// How a stream is taken up again.
-///
-/// A dead sender takes the history of its stream with it, and a consumer that dies next goes on from a checkpoint that lies
-/// further back than what it has answered. So a restarted playback sends again what the history held, less `spare`; what a
-/// consumer has had, its reader drops. That history covers the window of lockstep, a consumer's checkpoint interval and this
-/// note's. All of these are counts of messages: numbers may be missing in a log.
+/// How a stream is taken up again: see [`Replay`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stream {
     /// Messages that a late reader still gets.
-    pub history: u64,
-    /// Messages between two notes of how far playback has come.
-    pub reserve: u64,
-    /// Messages that a restarted playback sends beyond its note while a consumer has not said how far it is: the first of them
-    /// is new to every consumer, so that each answers.
-    pub spare: u32,
+    pub history: usize,
+    /// What the registry says of it.
+    pub replay: Replay,
 }
 
 impl Stream {
-    /// Messages up to a note that a restarted playback sends again. With those that may have been sent beyond the note and those
-    /// that are spare they are as many as the history holds.
+    const fn of(service: &Service) -> Self {
+        Self { history: service.qos.history, replay: service.replay.expect("declared as played back") }
+    }
+
+    /// Messages up to a note that a restarted playback sends again.
     fn again(&self) -> usize {
-        (self.history - u64::from(self.spare) - (self.reserve - 1)) as usize
+        self.replay.resent(self.history) as usize
     }
 }
 
@@ -60,7 +51,7 @@ impl Resume {
         let before = if sent.len() > of.again() { sent.pop_front() } else { None };
         let fits = seq <= *reserved;
         if !fits {
-            *reserved = seq.saturating_add(of.reserve - 1);
+            *reserved = seq.saturating_add(of.replay.reserve - 1);
             *begin_behind = before.unwrap_or(*begin_behind);
         }
         !fits
@@ -129,7 +120,7 @@ mod tests {
     /// consumer's checkpoint, what it lacks is sent again, something is new to it, and all of it fits the history that it finds
     /// when it comes later.
     fn check_restarts(stream: usize, log: &[u64], lives: &[usize], window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
-        let Stream { history, spare, .. } = STREAMS[stream];
+        let Stream { history, replay: Replay { spare, .. } } = STREAMS[stream];
         let up_to = |seq: u64| log.partition_point(|it| *it <= seq);
         let (mut first, mut sent) = (0, 0);
         let mut resume = Resume::default();
@@ -144,7 +135,7 @@ mod tests {
             let lacking = (behind % (window + interval)) as usize;
             prop_assert!(first <= sent.saturating_sub(lacking), "begins with message {first} of {sent}, and {lacking} are lacking");
             prop_assert!(last > sent, "nothing is new up to message {last} of {sent}");
-            prop_assert!(last - first <= history as usize, "{first} to {last} are more than the history holds");
+            prop_assert!(last - first <= history, "{first} to {last} are more than the history holds");
         }
         Ok(())
     }
@@ -164,7 +155,7 @@ mod tests {
         }
 
         #[test]
-        fn so_do_pictures(rows in rows(), lives in lives(), window in 1u64..=u64::from(crate::process::FRAME_WINDOW), interval in 1u64..=8, behind: u64) {
+        fn so_do_pictures(rows in rows(), lives in lives(), window in 1u64..=u64::from(Replay::FRAMES.window), interval in 1u64..=8, behind: u64) {
             check_restarts(1, &numbers(&rows), &lives, window, interval, behind)?;
         }
 

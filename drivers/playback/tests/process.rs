@@ -14,7 +14,7 @@ use runtime::Shell;
 const SCANS: u64 = 40;
 const FRAMES: u64 = 70;
 /// Frames that lockstep has on the way.
-const FRAME_WINDOW: u64 = 8;
+const FRAME_WINDOW: u64 = messages::Replay::FRAMES.window as u64;
 
 /// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
 #[test]

@@ -6,7 +6,7 @@ mod parameters;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Recent, Writer};
-use messages::{CameraMotion, FilterVerdict, SonarMotion, SonarScan, VerdictOutlook, Walkers};
+use messages::{CameraMotion, FilterVerdict, Replay, SonarMotion, SonarScan, VerdictOutlook, Walkers};
 use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Saved, Shell, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
@@ -16,8 +16,6 @@ use ::fti::{Fti, Input, Parameters, ParametersError, StateError};
 use missed::{Missed, News};
 pub(crate) use parameters::parameters;
 
-/// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
-const CHECKPOINT_SCANS: u64 = 64;
 /// Most messages taken of each stream in one round, so that the heartbeat is never late.
 const TAKEN_PER_ROUND: usize = 128;
 /// Shortest time between two outlooks: the map that is shown is made anew no more often.
@@ -106,7 +104,7 @@ impl Process for Integration {
         let more = self.take_inputs()?;
         self.advance()?;
         context.answered::<SonarScan>(self.fti.last_scan().map_or(0, |(seq, _)| seq));
-        if self.place.scan >= self.checkpointed + CHECKPOINT_SCANS {
+        if self.place.scan >= self.checkpointed + Replay::SCANS.checkpoint {
             self.save()?;
         }
         self.say(context, more);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Writer};
-use messages::{FilterVerdict, Layer, MapSummary, MapTile, SonarScan, VerdictOutlook, WayChunk};
+use messages::{FilterVerdict, Layer, MapSummary, MapTile, Replay, SonarScan, VerdictOutlook, WayChunk};
 use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shell, StepError};
 use settings::{Pace, Settings};
 
@@ -15,8 +15,6 @@ use ::mapping::{Input, Mapper, ParametersError, Refused, write_files};
 
 pub(crate) use parameters::parameters;
 
-/// Scans between two checkpoints: with the lockstep window far fewer than a stream's history holds.
-const CHECKPOINT_SCANS: u64 = 64;
 /// Most messages taken in one round, so that the heartbeat is never late.
 const TAKEN_PER_ROUND: usize = 256;
 /// Most tiles sent in one round: a fraction of a reader's buffer, which it has time to empty before the next.
@@ -151,7 +149,7 @@ impl Mapping {
                 }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
                 self.note(taken);
-                if seq >= self.checkpointed + CHECKPOINT_SCANS {
+                if seq >= self.checkpointed + Replay::SCANS.checkpoint {
                     self.save()?;
                 }
             }

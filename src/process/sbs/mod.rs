@@ -5,7 +5,7 @@ mod parameters;
 mod remarks;
 
 use bus::{BusError, FrameReader, FrameWriter, Received, Writer};
-use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat};
+use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat, Replay};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use settings::{BuiltIn, Pace, Settings};
 
@@ -17,8 +17,6 @@ use kept::{Kept, Place};
 pub(crate) use parameters::parameters;
 use remarks::Remarks;
 
-/// Frames between two checkpoints: with the lockstep window fewer than the stream's history holds.
-const CHECKPOINT_FRAMES: u64 = 8;
 /// Frames between two background pictures: they are for people.
 const BACKGROUND_FRAMES: u64 = 8;
 /// Most frames worked on in one round, so that the heartbeat is never late.
@@ -157,7 +155,7 @@ impl Subtraction {
         self.counts.blobs += u64::from(answer.motion.count);
         self.send(place, answer.motion)?;
         self.show()?;
-        if place.seq >= self.checkpointed + CHECKPOINT_FRAMES {
+        if place.seq >= self.checkpointed + Replay::FRAMES.checkpoint {
             self.save()?;
         }
         Ok(())

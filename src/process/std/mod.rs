@@ -3,7 +3,7 @@
 mod parameters;
 
 use bus::{BusError, Reader, Received, Recent, Writer};
-use messages::{SonarMotion, SonarScan};
+use messages::{Replay, SonarMotion, SonarScan};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Settings};
@@ -11,8 +11,6 @@ use stillmap_std::{Parameters, ParametersError, StateError, Std};
 
 pub(crate) use parameters::parameters;
 
-/// Scans between two checkpoints: with the lockstep window fewer than a stream's history holds.
-const CHECKPOINT_SCANS: u64 = 64;
 /// Most scans taken in one round, so that the heartbeat is never late.
 const TAKEN_PER_ROUND: usize = 128;
 
@@ -126,7 +124,7 @@ impl Difference {
         self.movers += u64::from(motion.count);
         self.recent.note(seq, stamp_ns, &motion);
         self.motions.send(seq, stamp_ns, &motion)?;
-        if seq >= self.checkpointed + CHECKPOINT_SCANS {
+        if seq >= self.checkpointed + Replay::SCANS.checkpoint {
             self.save()?;
         }
         Ok(())
