@@ -221,7 +221,7 @@ mod tests {
 
     #[test]
     fn kinds_services_names_and_ranges_are_checked() {
-        assert_eq!((kind("drop"), service("map/verdict")), (Ok(FaultKind::Drop), Ok(RoutedService::Verdict)));
+        assert_eq!((kind("drop"), service("map/verdict")), (Ok(FaultKind::Drop), Ok(RoutedService::named("map/verdict").unwrap())));
         assert!(kind("Drop").unwrap_err().ends_with("slow, disk or memory"));
         assert_eq!(service("map/tile"), Err("expected robot/scan, motion/sonar, motion/camera or map/verdict".to_owned()));
         assert!(process_name("std").is_ok() && process_name("../std").is_err());

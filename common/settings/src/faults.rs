@@ -1,7 +1,10 @@
 //! `[injector]` and `[[fault]]`: faults on purpose, for tests and rehearsals.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use messages::SERVICES;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Error as _, Unexpected};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::borrow::Cow;
 
 use crate::bounded::bounded;
 use crate::text::Name;
@@ -19,22 +22,9 @@ bounded! {
     FaultSeed: u32 in 0..=4294967295, "", default 1;
 }
 
-/// A service that can go through the injector.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
-pub enum RoutedService {
-    /// What the sonars measured.
-    #[serde(rename = "robot/scan")]
-    RobotScan,
-    /// What moves, as the sonars see it.
-    #[serde(rename = "motion/sonar")]
-    SonarMotion,
-    /// What moves, as the camera sees it.
-    #[serde(rename = "motion/camera")]
-    CameraMotion,
-    /// What FTI decides on each scan.
-    #[serde(rename = "map/verdict")]
-    Verdict,
-}
+/// A service that can go through the injector: one that the registry of the bus declares injectable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RoutedService(&'static str);
 
 /// `[injector]`: what stands between publishers and their readers when a process runs `"injector"`.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -186,19 +176,68 @@ pub enum FaultKind {
 )]
 pub struct NoSuchFault;
 
+/// How many services are injectable.
+const ROUTED: usize = {
+    let (mut count, mut at) = (0, 0);
+    while at < SERVICES.len() {
+        count += SERVICES[at].injectable as usize;
+        at += 1;
+    }
+    count
+};
+
 impl RoutedService {
     /// Every service that can go through the injector.
-    pub const ALL: [Self; 4] = [Self::RobotScan, Self::SonarMotion, Self::CameraMotion, Self::Verdict];
+    pub const ALL: [Self; ROUTED] = {
+        let mut all = [Self(""); ROUTED];
+        let (mut count, mut at) = (0, 0);
+        while at < SERVICES.len() {
+            if SERVICES[at].injectable {
+                all[count] = Self(SERVICES[at].name);
+                count += 1;
+            }
+            at += 1;
+        }
+        all
+    };
+
+    /// The service of this name, if it can go through the injector.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|service| service.0 == name)
+    }
 
     /// Its name on the bus.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::RobotScan => "robot/scan",
-            Self::SonarMotion => "motion/sonar",
-            Self::CameraMotion => "motion/camera",
-            Self::Verdict => "map/verdict",
-        }
+        self.0
+    }
+}
+
+impl Serialize for RoutedService {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for RoutedService {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let expected = Self::ALL.map(Self::name).join(", ");
+        Self::named(&name).ok_or_else(|| D::Error::invalid_value(Unexpected::Str(&name), &expected.as_str()))
+    }
+}
+
+impl JsonSchema for RoutedService {
+    fn schema_name() -> Cow<'static, str> {
+        "RoutedService".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let routed = SERVICES.iter().filter(|service| service.injectable);
+        let choices: Vec<_> =
+            routed.map(|service| serde_json::json!({ "type": "string", "const": service.name, "description": service.doc })).collect();
+        json_schema!({ "oneOf": choices, "description": "A service that can go through the injector." })
     }
 }
 

@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn reports_name_action_target_and_duration() {
         let of_std = |fault| Disturbance::Process { process: "std".to_owned().try_into().unwrap(), fault };
-        let of_scans = |fault| Disturbance::Service { service: RoutedService::RobotScan, fault };
+        let of_scans = |fault| Disturbance::Service { service: RoutedService::named("robot/scan").unwrap(), fault };
         let short = |fault: &mut PlannedFault| fault.for_s = 5.0.try_into().unwrap();
         let rarely = |fault: &mut PlannedFault| {
             short(fault);

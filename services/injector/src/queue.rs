@@ -288,7 +288,7 @@ mod tests {
     }
 
     fn fault(kind: StreamFault, change: impl Fn(&mut PlannedFault)) -> (StreamFault, PlannedFault) {
-        let mut fault = PlannedFault::always(Disturbance::Service { service: RoutedService::RobotScan, fault: kind });
+        let mut fault = PlannedFault::always(Disturbance::Service { service: RoutedService::named("robot/scan").unwrap(), fault: kind });
         change(&mut fault);
         (kind, fault)
     }

@@ -83,7 +83,8 @@ mod tests {
     #[test]
     fn each_request_is_taken_once_valid_or_not() {
         let folder = tempfile::tempdir().unwrap();
-        let fault = PlannedFault::always(Disturbance::Service { service: RoutedService::Verdict, fault: StreamFault::Stall });
+        let fault =
+            PlannedFault::always(Disturbance::Service { service: RoutedService::named("map/verdict").unwrap(), fault: StreamFault::Stall });
         request_fault(folder.path(), &fault).unwrap();
         let taken = take_requests(folder.path());
         assert_eq!(taken.len(), 1);

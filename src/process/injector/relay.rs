@@ -2,7 +2,7 @@
 
 use ::injector::{Counts, Envelope, FaultQueue, Report, Source};
 use bus::{BusError, Injection, Raw, Tap};
-use messages::{CameraMotion, FilterVerdict, Payload, SonarMotion, SonarScan};
+use messages::{Payload, Pictures, ServiceVisitor, visit_services};
 use runtime::Shell;
 use settings::{PlannedFault, RoutedService, StreamFault};
 
@@ -71,12 +71,33 @@ pub(super) fn open(
     first_ns: Option<u64>,
     announces_gaps: bool,
 ) -> Result<Box<dyn Relay>, BusError> {
-    Ok(match service {
-        RoutedService::RobotScan => Box::new(Carrier::<SonarScan>::open(shell, first_ns, announces_gaps)?),
-        RoutedService::SonarMotion => Box::new(Carrier::<SonarMotion>::open(shell, first_ns, announces_gaps)?),
-        RoutedService::CameraMotion => Box::new(Carrier::<CameraMotion>::open(shell, first_ns, announces_gaps)?),
-        RoutedService::Verdict => Box::new(Carrier::<FilterVerdict>::open(shell, first_ns, announces_gaps)?),
-    })
+    let mut opening = Opening { shell, service: service.name(), first_ns, announces_gaps, relay: None };
+    visit_services(&mut opening)?;
+    opening.relay.ok_or(BusError::NoService { service: service.name() })
+}
+
+/// Opens the one service of the registry that has this name.
+struct Opening<'a> {
+    shell: &'a mut Shell,
+    service: &'static str,
+    first_ns: Option<u64>,
+    announces_gaps: bool,
+    relay: Option<Box<dyn Relay>>,
+}
+
+impl ServiceVisitor for Opening<'_> {
+    type Error = BusError;
+
+    fn message<T: Payload>(&mut self) -> Result<(), BusError> {
+        if T::SERVICE.name == self.service {
+            self.relay = Some(Box::new(Carrier::<T>::open(self.shell, self.first_ns, self.announces_gaps)?));
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
 }
 
 impl<T: Payload> Carrier<T> {
