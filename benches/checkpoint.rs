@@ -52,7 +52,7 @@ impl Drive {
     }
 
     fn keep(&mut self, checkpoint: &mut Checkpoint) {
-        checkpoint.keep_with(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
+        checkpoint.save_parts(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
     }
 }
 

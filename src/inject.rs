@@ -8,7 +8,7 @@ use bus::{Reader, Received, RunningDomain};
 use clap::Args;
 use injector::{Action, MemoryFill, ProcessAction, Report, Schedule, Source, Target};
 use messages::DeploymentStatus;
-use runtime::Tool;
+use runtime::Observer;
 use settings::{
     Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultStart, Name, OutOfRange, PlannedFault, RoutedService, Settings,
 };
@@ -106,7 +106,7 @@ fn planned(options: &InjectArgs) -> Result<PlannedFault, BadInput> {
 
 /// Acts on a process until the fault ends. Times are those of the wall clock.
 fn act_on_process(domain: &RunningDomain, process: &Name, fault: &PlannedFault) -> anyhow::Result<()> {
-    let mut tool = Tool::join(domain)?;
+    let mut tool = Observer::join(domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut schedule = Schedule::default();
     schedule.add(fault, Source::Request, 0.0, -1.0);

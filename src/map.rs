@@ -7,7 +7,7 @@ use bus::{Reader, Received, RunningDomain};
 use clap::Args;
 use mapping::export::MapCopy;
 use messages::{MapTile, Payload, WayChunk};
-use runtime::Tool;
+use runtime::Observer;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,7 @@ pub(crate) fn map(args: &MapArgs) -> anyhow::Result<()> {
 }
 
 fn collect(domain: &RunningDomain) -> anyhow::Result<MapCopy> {
-    let mut tool = Tool::join(domain)?;
+    let mut tool = Observer::join(domain)?;
     let mut tiles = tool.reader::<MapTile>()?;
     let mut way = tool.reader::<WayChunk>()?;
     let mut copy = MapCopy::default();

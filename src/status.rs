@@ -6,7 +6,7 @@ use crate::{exit, output};
 use bus::{Received, RunningDomain};
 use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
-use runtime::Tool;
+use runtime::Observer;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -50,7 +50,7 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
 fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<DeploymentStatus>)>> {
     let mut queries = Vec::new();
     for domain in domains {
-        let mut tool = Tool::join(domain)?;
+        let mut tool = Observer::join(domain)?;
         let statuses = tool.reader::<DeploymentStatus>()?;
         queries.push((domain, tool, statuses, None));
     }

@@ -11,7 +11,7 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Cell, Paragraph, Row, Table};
 use ratatui::{DefaultTerminal, Frame};
-use runtime::Tool;
+use runtime::Observer;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -36,7 +36,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
     let domain = choose(which)?;
     anyhow::ensure!(std::io::stdout().is_terminal(), "standard output is not a terminal: `stillmap status` prints the same table once");
-    let mut tool = Tool::join(&domain)?;
+    let mut tool = Observer::join(&domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
     let mut terminal = ratatui::try_init()?;
     let result = watch(&mut terminal, || {

@@ -33,8 +33,8 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         PortSetting::Device(path) => path.clone(),
     };
     let checkpoint = shell.checkpoint();
-    let kept = checkpoint.take_up(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
-    shell.is_source_for([BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
+    let kept = checkpoint.restore(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
+    shell.linger_as_source_until([BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
     let mut scans = shell.writer()?;
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
@@ -204,7 +204,7 @@ impl Process {
 
     fn publish(&mut self, kept: &Checkpoint) -> Result<(), StepError> {
         // Before the scan leaves: after a kill at any moment no number is given twice.
-        self.checkpoint.keep(kept.as_bytes());
+        self.checkpoint.save(kept.as_bytes());
         self.stamp_ns = kept.stamp_ns;
         Ok(self.scans.send(kept.seq, kept.stamp_ns, &kept.scan)?)
     }

@@ -88,7 +88,7 @@ impl Bench {
         let mut process = self.process.take().unwrap();
         process.kill().unwrap();
         process.wait().unwrap();
-        self.domain.remove_the_dead();
+        self.domain.remove_dead_nodes();
     }
 
     /// Waits for messages; a process that has failed sends none.

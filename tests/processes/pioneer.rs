@@ -150,7 +150,7 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
 
     // Killed, started again while the robot talks on: no handshake, no scan twice, no jump.
     drop(driver);
-    domain.remove_the_dead();
+    domain.remove_dead_nodes();
     line.say(&sips[200..230].concat());
     let driver = start_driver(&domain, 1, &settings);
     line.say(&sips[230..].concat());

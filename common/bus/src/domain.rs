@@ -111,7 +111,7 @@ impl Claim {
         };
         if let Err(error) = domain.rebuild() {
             domain.release();
-            demolish(&domain.paths)?;
+            destroy(&domain.paths)?;
             return Err(error);
         }
         Ok(domain)
@@ -216,8 +216,8 @@ impl Domain {
 
     /// Removes what dead processes have left on the bus; to be called after each `waitpid`, and now and then for
     /// visitors. Returns how many nodes were dead.
-    pub fn remove_the_dead(&self) -> usize {
-        self.ports.as_ref().map_or(0, |ports| ports.fabric().remove_the_dead())
+    pub fn remove_dead_nodes(&self) -> usize {
+        self.ports.as_ref().map_or(0, |ports| ports.fabric().remove_dead_nodes())
     }
 
     /// Waits until the last process has left, and removes everything the domain put anywhere.
@@ -226,7 +226,7 @@ impl Domain {
     /// When processes stay, or the file system refuses.
     pub fn close(mut self) -> Result<(), DomainError> {
         self.release();
-        demolish(&self.paths)
+        destroy(&self.paths)
     }
 
     fn release(&mut self) {
@@ -274,10 +274,10 @@ pub fn sweep(directory: &Path) -> Result<(), DomainError> {
         return paths.wipe().map_err(|source| DomainError::Io { path: paths.directory, source });
     }
     let _lock = take_lock(&paths)?;
-    demolish(&paths)
+    destroy(&paths)
 }
 
-fn demolish(paths: &DomainPaths) -> Result<(), DomainError> {
+fn destroy(paths: &DomainPaths) -> Result<(), DomainError> {
     let _deserted = wait_until_deserted(paths)?;
     let io = |source| DomainError::Io { path: paths.directory.clone(), source };
     paths.wipe().map_err(io)?;
@@ -295,7 +295,7 @@ fn remove_abandoned(runtime: &Path, except: &str) {
             continue;
         }
         let deserted = open_lock_file(&paths.members).is_ok_and(|members| free(&members));
-        if deserted && demolish(&paths).is_ok() {
+        if deserted && destroy(&paths).is_ok() {
             tracing::info!("removed what deployment {name} had left behind");
         }
     }

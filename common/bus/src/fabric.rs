@@ -108,7 +108,7 @@ impl Fabric {
     }
 
     /// Removes what dead processes have left in the domain. Returns how many nodes were dead.
-    pub(crate) fn remove_the_dead(&self) -> usize {
+    pub(crate) fn remove_dead_nodes(&self) -> usize {
         let mut dead = Vec::new();
         let listed = Node::<ipc::Service>::list(&self.config, |state| {
             if let NodeState::Dead(view) = state {

@@ -36,7 +36,7 @@ impl<T: Payload> Recent<T> {
     ///
     /// # Errors
     /// When the bus refuses.
-    pub fn say_again(&self, writer: &mut Writer<T>) -> Result<(), BusError> {
+    pub fn republish(&self, writer: &mut Writer<T>) -> Result<(), BusError> {
         self.messages.iter().try_for_each(|(seq, stamp_ns, message)| writer.send(*seq, *stamp_ns, message))
     }
 

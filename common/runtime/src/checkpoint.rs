@@ -18,23 +18,23 @@ const APPENDED: u64 = 64 * 1024;
 /// What is written at once: a few parts of a map.
 const BUFFER: usize = 64 * 1024;
 
-/// Where a process keeps its state between its incarnations.
+/// The saved state of a process, which its next incarnation restores.
 #[derive(Debug)]
 pub struct Checkpoint {
     path: PathBuf,
-    /// Where it is kept while the file system of `path` refuses, as a full disk does: it goes with the deployment.
-    spare: Option<PathBuf>,
+    /// Where it is saved while writing to `path` fails, as on a full disk; removed with the deployment.
+    fallback_path: Option<PathBuf>,
     run: u64,
     start: u32,
     /// How often the process has been started before since the deployment was.
     incarnation: u32,
     /// The file as this incarnation has left it.
     journal: Option<Journal>,
-    refusal: Refusal,
+    save_error: SaveError,
 }
 
-/// Why a state cannot be kept where it belongs, in words, while that is so: for whoever looks at the process.
-pub(crate) type Refusal = Rc<RefCell<Option<String>>>;
+/// Why the state cannot be saved to its path, in words, while that is so: shown in the status of the process.
+pub(crate) type SaveError = Rc<RefCell<Option<String>>>;
 
 /// A checkpoint that may be appended to.
 #[derive(Debug, Clone, Copy)]
@@ -47,9 +47,9 @@ struct Journal {
     in_parts: bool,
 }
 
-/// What an earlier incarnation has kept.
+/// What an earlier incarnation has saved.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Saved<'a> {
+pub struct Snapshot<'a> {
     /// Its state, or the head of it.
     pub state: &'a [u8],
     /// The parts of its state, where it has such.
@@ -70,37 +70,37 @@ pub trait Parts {
 
 impl Checkpoint {
     /// The checkpoint of a process in the folder of checkpoints of its run.
-    pub(crate) fn of(membership: &Membership, refusal: Refusal) -> Self {
-        let passing = Self::passing(membership, refusal);
+    pub(crate) fn of(membership: &Membership, save_error: SaveError) -> Self {
+        let volatile = Self::volatile(membership, save_error);
         match membership.state() == membership.volatile_state() {
-            true => passing,
-            false => Self { path: file(membership.state(), membership), spare: Some(passing.path), ..passing },
+            true => volatile,
+            false => Self { path: file(membership.state(), membership), fallback_path: Some(volatile.path), ..volatile },
         }
     }
 
     /// The checkpoint of a process in the folder that goes with the deployment.
-    pub(crate) fn passing(membership: &Membership, refusal: Refusal) -> Self {
+    pub(crate) fn volatile(membership: &Membership, save_error: SaveError) -> Self {
         Self {
             path: file(&membership.volatile_state(), membership),
-            spare: None,
+            fallback_path: None,
             run: membership.run(),
             start: membership.start(),
             incarnation: membership.incarnation(),
             journal: None,
-            refusal,
+            save_error,
         }
     }
 
-    /// What `restore` makes of what an earlier incarnation kept. `None` where there is nothing, or nothing that can be used: that
+    /// What `restore` makes of the snapshot of an earlier incarnation. `None` where there is none, or none that is valid: that
     /// is said, and put under another name, where nobody writes over it. Where only what was added last is damaged, what was whole
     /// before is restored, and a copy put under another name.
-    pub fn take_up<T, E: Display>(&self, mut restore: impl FnMut(&Saved<'_>) -> Result<T, E>) -> Option<T> {
-        // What is spare was kept later: it goes when the other can be written again.
-        let spare = self.spare.as_ref().and_then(|spare| self.take_up_from(spare, &mut restore));
-        spare.or_else(|| self.take_up_from(&self.path, &mut restore))
+    pub fn restore<T, E: Display>(&self, mut restore: impl FnMut(&Snapshot<'_>) -> Result<T, E>) -> Option<T> {
+        // The fallback is newer while it exists: it is removed when the other file can be written again.
+        let fallback_path = self.fallback_path.as_ref().and_then(|fallback_path| self.restore_from(fallback_path, &mut restore));
+        fallback_path.or_else(|| self.restore_from(&self.path, &mut restore))
     }
 
-    fn take_up_from<T, E: Display>(&self, file: &Path, restore: impl FnOnce(&Saved<'_>) -> Result<T, E>) -> Option<T> {
+    fn restore_from<T, E: Display>(&self, file: &Path, restore: impl FnOnce(&Snapshot<'_>) -> Result<T, E>) -> Option<T> {
         let path = file.display();
         let problem = match std::fs::read(file) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
@@ -112,7 +112,7 @@ impl Checkpoint {
                         copy_aside(file, &damage);
                     }
                     let before_a_stop = self.incarnation == 0 || contents.start < self.start;
-                    match restore(&Saved { state: contents.head, parts: contents.parts, before_a_stop }) {
+                    match restore(&Snapshot { state: contents.head, parts: contents.parts, before_a_stop }) {
                         Ok(restored) => return Some(restored),
                         Err(error) => error.to_string(),
                     }
@@ -127,40 +127,40 @@ impl Checkpoint {
         None
     }
 
-    /// Replaces what was kept before. After a kill at any moment, either the old or the new state is there. Where the file system
+    /// Replaces what was saved before. After a kill at any moment, either the old or the new state is there. Where the file system
     /// refuses, the state is kept in the deployment's own folder until it no longer does; both are said once, and in
     /// the status of the process.
-    pub fn keep(&mut self, state: &[u8]) {
-        self.keep_with(state, &mut Whole);
+    pub fn save(&mut self, state: &[u8]) {
+        self.save_parts(state, &mut Whole);
     }
 
-    /// As [`keep`](Self::keep), of a state in parts: what is written grows with what has changed, not with all there is.
-    pub fn keep_with(&mut self, head: &[u8], parts: &mut dyn Parts) {
-        let saved = self.save(head, parts);
+    /// As [`save`](Self::save), of a state in parts: what is written grows with what has changed, not with all there is.
+    pub fn save_parts(&mut self, head: &[u8], parts: &mut dyn Parts) {
+        let saved = self.write(head, parts);
         let path = self.path.display();
-        let mut refusal = self.refusal.borrow_mut();
+        let mut save_error = self.save_error.borrow_mut();
         match saved {
             Ok(()) => {
-                if refusal.take().is_some() {
+                if save_error.take().is_some() {
                     tracing::info!("{path} is kept again");
-                    self.spare.iter().for_each(|spare| drop(std::fs::remove_file(spare)));
+                    self.fallback_path.iter().for_each(|fallback_path| drop(std::fs::remove_file(fallback_path)));
                 }
             }
             Err(error) => {
-                let spared = self.spare.as_ref().map(|spare| self.replace(spare, head, parts));
-                let consequence = match spared {
+                let fallback = self.fallback_path.as_ref().map(|fallback_path| self.replace(fallback_path, head, parts));
+                let consequence = match fallback {
                     Some(Ok(_)) => "what is kept lasts until the deployment stops",
                     Some(Err(_)) | None => "who is killed now goes on from an older state",
                 };
-                if refusal.is_none() {
+                if save_error.is_none() {
                     tracing::error!("{path}: {error}; {consequence}");
                 }
-                *refusal = Some(format!("its state cannot be kept: {error}"));
+                *save_error = Some(format!("its state cannot be kept: {error}"));
             }
         }
     }
 
-    fn save(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
+    fn write(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
         // Where one of them fails, what has changed is no longer known: the next one is whole.
         let appendable = self.journal.take().filter(|it| it.in_parts && it.length < 2 * it.whole + APPENDED);
         let written = match appendable.and_then(|journal| Some((self.open_as(journal)?, journal))) {
@@ -200,7 +200,7 @@ impl Checkpoint {
         let in_parts = !all.is_empty();
         put_state(&mut into, all, head, parts)?;
         into.flush()?;
-        if is_first && self.spare.is_some() {
+        if is_first && self.fallback_path.is_some() {
             into.into.get_ref().sync_all()?;
         }
         Ok(Journal { length: into.count, whole: into.count, in_parts })
@@ -285,15 +285,15 @@ pub(crate) mod tests {
     /// The checkpoint of a process that has been killed once, in a run that has been started `start` times before.
     pub(crate) fn checkpoint(state: &Path, run: u64, start: u32) -> Checkpoint {
         let file = |folder: &Path| folder.join("mapping.checkpoint");
-        let spare = Some(file(&state.with_extension("domain").join("state")));
-        Checkpoint { path: file(state), spare, run, start, incarnation: 1, journal: None, refusal: Refusal::default() }
+        let fallback_path = Some(file(&state.with_extension("domain").join("state")));
+        Checkpoint { path: file(state), fallback_path, run, start, incarnation: 1, journal: None, save_error: SaveError::default() }
     }
 
     type Kept = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
 
     fn load(checkpoint: &Checkpoint) -> Option<Kept> {
         let owned = |parts: &BTreeMap<PartKey, &[u8]>| parts.iter().map(|(key, part)| (*key, part.to_vec())).collect();
-        checkpoint.take_up(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
+        checkpoint.restore(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
     }
 
     /// Parts that are numbers, and how many were written.
@@ -339,13 +339,13 @@ pub(crate) mod tests {
         let mut numbers = Numbers::default();
         assert_eq!(load(&checkpoint), None);
         numbers.set([0, 0, 0], 1);
-        checkpoint.keep_with(b"first", &mut numbers);
+        checkpoint.save_parts(b"first", &mut numbers);
         let kept_first = numbers.kept(b"first");
         let before_a_stop = kept_first.clone().map(|(head, parts, _)| (head, parts, true));
         assert_eq!(load(&self::checkpoint(&folder, 7, 1)), before_a_stop);
 
         let first = std::fs::read(&checkpoint.path).expect("readable").len();
-        checkpoint.keep_with(b"second", &mut numbers);
+        checkpoint.save_parts(b"second", &mut numbers);
         assert_eq!(load(&checkpoint), numbers.kept(b"second"));
         let whole = std::fs::read(&checkpoint.path).expect("readable");
         assert!(whole.len() > first, "appended to");
@@ -375,9 +375,9 @@ pub(crate) mod tests {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
-        checkpoint.keep(b"first");
+        checkpoint.save(b"first");
         let length = std::fs::metadata(&checkpoint.path).expect("there").len();
-        checkpoint.keep(b"again");
+        checkpoint.save(b"again");
         assert_eq!(std::fs::metadata(&checkpoint.path).expect("there").len(), length);
         assert_eq!(load(&checkpoint), Some((b"again".to_vec(), BTreeMap::new(), false)));
     }
@@ -387,10 +387,10 @@ pub(crate) mod tests {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
-        checkpoint.keep(b"state");
+        checkpoint.save(b"state");
         assert_eq!(load(&self::checkpoint(&folder, 8, 0)), None);
-        checkpoint.keep(b"state");
-        assert_eq!(checkpoint.take_up(|_| Err::<(), _>("of another version")), None);
+        checkpoint.save(b"state");
+        assert_eq!(checkpoint.restore(|_| Err::<(), _>("of another version")), None);
         assert_eq!(load(&checkpoint), None);
         assert_eq!(folder.read_dir().expect("readable").count(), 2, "both are kept");
     }
@@ -402,14 +402,14 @@ pub(crate) mod tests {
         let mut checkpoint = checkpoint(&folder, 7, 0);
         let mut numbers = Numbers::default();
         (0..1000).for_each(|column| numbers.set([0, 0, column], 1));
-        checkpoint.keep_with(b"0", &mut numbers);
+        checkpoint.save_parts(b"0", &mut numbers);
         let whole = std::fs::metadata(&checkpoint.path).expect("there").len();
         assert_eq!(numbers.written.replace(0), 1000);
         for round in 1..=500_i32 {
             numbers.set([0, 0, round], 2);
             numbers.set([1, round, 0], 3);
             let head = round.to_string();
-            checkpoint.keep_with(head.as_bytes(), &mut numbers);
+            checkpoint.save_parts(head.as_bytes(), &mut numbers);
             assert!(round > 1 || numbers.written.get() == 2, "{}", numbers.written.get());
             if round % 50 < 2 {
                 assert_eq!(load(&checkpoint), numbers.kept(head.as_bytes()), "round {round}");
@@ -428,14 +428,14 @@ pub(crate) mod tests {
         let mut checkpoint = checkpoint(&folder, 7, 0);
         let mut numbers = Numbers::default();
         (0..10).for_each(|column| numbers.set([0, 0, column], 1));
-        checkpoint.keep_with(b"first", &mut numbers);
+        checkpoint.save_parts(b"first", &mut numbers);
         std::fs::remove_dir_all(&folder).expect("removed");
         numbers.set([0, 0, 3], 4);
-        checkpoint.keep_with(b"second", &mut numbers);
+        checkpoint.save_parts(b"second", &mut numbers);
         assert_eq!(load(&checkpoint), numbers.kept(b"second"));
 
         std::fs::write(&checkpoint.path, b"somebody else's").expect("written");
-        checkpoint.keep_with(b"third", &mut numbers);
+        checkpoint.save_parts(b"third", &mut numbers);
         assert_eq!(load(&checkpoint), numbers.kept(b"third"));
     }
 
@@ -447,23 +447,23 @@ pub(crate) mod tests {
         let mut numbers = Numbers::default();
         numbers.set([0, 0, 0], 1);
         numbers.set([0, 0, 1], 1);
-        checkpoint.keep_with(b"first", &mut numbers);
-        assert_eq!(*checkpoint.refusal.borrow(), None);
+        checkpoint.save_parts(b"first", &mut numbers);
+        assert_eq!(*checkpoint.save_error.borrow(), None);
         // A file in the place of the folder.
         let away = out.path().join("away");
         std::fs::rename(&folder, &away).expect("renamed");
         std::fs::write(&folder, b"").expect("written");
         for (head, number) in [(b"second", 2), (b"third ", 3)] {
             numbers.set([0, 0, 1], number);
-            checkpoint.keep_with(head, &mut numbers);
+            checkpoint.save_parts(head, &mut numbers);
             assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(head));
-            assert!(checkpoint.refusal.borrow().as_ref().is_some_and(|words| words.starts_with("its state cannot be kept: ")));
+            assert!(checkpoint.save_error.borrow().as_ref().is_some_and(|words| words.starts_with("its state cannot be kept: ")));
         }
         std::fs::remove_file(&folder).expect("removed");
         std::fs::rename(&away, &folder).expect("renamed");
         assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(b"third "), "not the older one that is there again");
-        checkpoint.keep_with(b"fourth", &mut numbers);
-        assert_eq!((load(&checkpoint), &*checkpoint.refusal.borrow()), (numbers.kept(b"fourth"), &None));
+        checkpoint.save_parts(b"fourth", &mut numbers);
+        assert_eq!((load(&checkpoint), &*checkpoint.save_error.borrow()), (numbers.kept(b"fourth"), &None));
         assert_eq!(out.path().join("state.domain/state").read_dir().expect("readable").count(), 0, "what was spare is gone");
     }
 }

@@ -3,7 +3,7 @@
 //! A process joins its deployment with a [`Shell`], declares its inputs and outputs and hands over a [`Process`], whose `step` the
 //! shell calls whenever something is there to be done. The shell sends the heartbeat and the progress, takes requests to stop and
 //! ends the process in order. A [`Checkpoint`] holds the state of a process between its starts, a [`RunState`] those of a whole
-//! run. A [`Tool`] looks at a running deployment.
+//! run. A [`Observer`] looks at a running deployment.
 //!
 //! Modes of failure that this crate answers for: a hung work loop sends no heartbeat, since no other thread does; a checkpoint is
 //! read whole or not at all.
@@ -11,14 +11,14 @@
 mod aside;
 mod checkpoint;
 mod journal;
+mod observer;
 mod run_state;
 mod shell;
 mod signals;
-mod tool;
 
-pub use checkpoint::{Checkpoint, Parts, Saved};
+pub use checkpoint::{Checkpoint, Parts, Snapshot};
 pub use journal::PartKey;
-pub use run_state::{Kept, RunState};
+pub use observer::Observer;
+pub use run_state::{PersistedState, RunState};
 pub use shell::{Context, Next, Process, RunError, Shell, StepError};
 pub use signals::Signals;
-pub use tool::Tool;

@@ -21,7 +21,7 @@ const UNNOTED_S: f64 = 3.0;
 
 /// Where checkpoints outlive the deployment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Kept<'a> {
+pub struct PersistedState<'a> {
     /// The folder.
     pub folder: &'a Path,
     /// What they depend on, in words: a run goes on only where these are the same.
@@ -59,14 +59,13 @@ impl RunState {
     ///
     /// # Errors
     /// When a supervisor holds the domain, processes of an earlier run are alive, or memory or the file system refuse.
-    pub fn open(name: &str, speed: f64, routed: &[&str], kept: Option<Kept<'_>>) -> Result<(Self, Domain), DomainError> {
+    pub fn open(name: &str, speed: f64, routed: &[&str], persisted: Option<PersistedState<'_>>) -> Result<(Self, Domain), DomainError> {
         let claim = Claim::take(name, speed)?;
         let new_run = claim.new_run();
-        let state = match kept {
+        let state = match persisted {
             None => Self::of_the_run(&new_run),
-            Some(kept) => {
-                Self::take_up(kept, name, new_run.number).map_err(|source| DomainError::Io { path: kept.folder.to_owned(), source })?
-            }
+            Some(persisted) => Self::restore(persisted, name, new_run.number)
+                .map_err(|source| DomainError::Io { path: persisted.folder.to_owned(), source })?,
         };
         let unnoted_ns = (UNNOTED_S * claim.clock().speed() * 1e9) as u64;
         let not_before_ns = state.note.last_ns.saturating_add(unnoted_ns);
@@ -80,7 +79,7 @@ impl RunState {
 
     /// Whether this is an earlier run that goes on.
     #[must_use]
-    pub fn goes_on(&self) -> bool {
+    pub fn is_resumed(&self) -> bool {
         self.note.start > 0
     }
 
@@ -99,11 +98,11 @@ impl RunState {
     }
 
     /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
-    fn take_up(kept: Kept<'_>, name: &str, new_run: u64) -> io::Result<Self> {
-        let folder = kept.folder.to_owned();
+    fn restore(persisted: PersistedState<'_>, name: &str, new_run: u64) -> io::Result<Self> {
+        let folder = persisted.folder.to_owned();
         let mut note =
-            Note { name: name.to_owned(), made_with: crc32fast::hash(kept.made_with.as_bytes()), run: new_run, start: 0, last_ns: 0 };
-        match usable(kept, &note)? {
+            Note { name: name.to_owned(), made_with: crc32fast::hash(persisted.made_with.as_bytes()), run: new_run, start: 0, last_ns: 0 };
+        match usable(persisted, &note)? {
             Found::Nothing => make_private(&folder)?,
             Found::Run(last) => note = Note { start: last.start.saturating_add(1), ..last },
             Found::Unusable(reason) => {
@@ -138,8 +137,8 @@ enum Found {
     Unusable(String),
 }
 
-fn usable(kept: Kept<'_>, expected: &Note) -> io::Result<Found> {
-    let folder = kept.folder;
+fn usable(persisted: PersistedState<'_>, expected: &Note) -> io::Result<Found> {
+    let folder = persisted.folder;
     let is_empty = match folder.read_dir() {
         Ok(mut entries) => entries.next().is_none(),
         Err(error) if error.kind() == io::ErrorKind::NotFound => true,
@@ -154,7 +153,7 @@ fn usable(kept: Kept<'_>, expected: &Note) -> io::Result<Found> {
         Err(error) => return Err(error),
     };
     let Some(note) = note else { return Ok(Found::Unusable(format!("{} is no note of a run", folder.join(NOTE).display()))) };
-    let reason = if kept.fresh {
+    let reason = if persisted.fresh {
         "that was asked for".to_owned()
     } else if note.name != expected.name {
         format!("the last one was of deployment {}", note.name)
@@ -207,9 +206,9 @@ mod tests {
     use crate::checkpoint::tests::checkpoint;
 
     fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> RunState {
-        let state = RunState::take_up(Kept { folder, made_with, fresh }, name, run).expect("taken up");
+        let state = RunState::restore(PersistedState { folder, made_with, fresh }, name, run).expect("taken up");
         state.write_note(1_000 * (run + 1)).expect("noted");
-        checkpoint(folder, state.note.run, state.note.start).keep(b"map");
+        checkpoint(folder, state.note.run, state.note.start).save(b"map");
         state
     }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use bus::{BusError, DomainError, FrameReader, FrameWriter, Injection, Membership, MembershipError, Ports, Reader, Received, Tap, Writer};
 use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
 
-use crate::checkpoint::{Checkpoint, Refusal};
+use crate::checkpoint::{Checkpoint, SaveError};
 use crate::signals::Signals;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
@@ -95,9 +95,9 @@ pub struct Shell {
     ports: Ports,
     report: Report,
     /// Why its checkpoint cannot be kept.
-    refusal: Refusal,
+    save_error: SaveError,
     /// Processes that may need again what this one has said.
-    needed_by: Vec<String>,
+    consumers: Vec<String>,
     /// It brings the world in: it has said all when it is asked to stop.
     is_source: bool,
 }
@@ -116,7 +116,7 @@ struct Answer {
     service: &'static str,
     seq: u64,
     /// What was last said of it.
-    told: Option<u64>,
+    published: Option<u64>,
 }
 
 impl Shell {
@@ -133,8 +133,8 @@ impl Shell {
             progress: ports.uncounted_writer()?,
             ports,
             report: Report::default(),
-            refusal: Refusal::default(),
-            needed_by: Vec::new(),
+            save_error: SaveError::default(),
+            consumers: Vec::new(),
             is_source: false,
             membership,
         };
@@ -200,15 +200,15 @@ impl Shell {
 
     /// Has this process stay, once it has finished, until the processes of these names are over. They may die and then need again
     /// what it has said, and what a stream held dies with its sender.
-    pub fn stay_for(&mut self, names: impl IntoIterator<Item = String>) {
-        self.needed_by.extend(names);
+    pub fn linger_until(&mut self, names: impl IntoIterator<Item = String>) {
+        self.consumers.extend(names);
     }
 
     /// Declares this process a source of what these read: once it has been asked to stop and has finished, it stays until they are
-    /// over, as with [`Shell::stay_for`], or until it is asked again.
-    pub fn is_source_for(&mut self, names: impl IntoIterator<Item = String>) {
+    /// over, as with [`Shell::linger_until`], or until it is asked again.
+    pub fn linger_as_source_until(&mut self, names: impl IntoIterator<Item = String>) {
         self.is_source = true;
-        self.needed_by.extend(names);
+        self.consumers.extend(names);
     }
 
     /// Who this process is.
@@ -220,13 +220,13 @@ impl Shell {
     /// Where this process keeps its state between its incarnations, and where the run goes on, between its starts.
     #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
-        Checkpoint::of(&self.membership, self.refusal.clone())
+        Checkpoint::of(&self.membership, self.save_error.clone())
     }
 
     /// Where this process keeps state that is of no use to the next start of the deployment, and would wear out a disk.
     #[must_use]
-    pub fn passing_checkpoint(&self) -> Checkpoint {
-        Checkpoint::passing(&self.membership, self.refusal.clone())
+    pub fn volatile_checkpoint(&self) -> Checkpoint {
+        Checkpoint::volatile(&self.membership, self.save_error.clone())
     }
 
     /// Lets readers that have joined have what was sent, and waits until a message comes on an input, or for `patience`; for
@@ -251,7 +251,7 @@ impl Shell {
             let mut context = Context { stopping, membership: &self.membership, report: &mut self.report };
             let next = process.step(&mut context).map_err(RunError::Step)?;
             self.report.rounds += 1;
-            self.tell_progress()?;
+            self.publish_progress()?;
             if next == Next::Finished {
                 break;
             }
@@ -269,7 +269,7 @@ impl Shell {
             // A request to stop that has been seen stays readable to nobody: its bytes are taken, so waiting does not spin.
             self.wait(&process.descriptors(), patience)?;
         }
-        self.stay()?;
+        self.linger()?;
         self.beat(Phase::Ending)?;
         if self.ports.sent() > 0 {
             self.ports.refresh();
@@ -280,9 +280,9 @@ impl Shell {
 
     /// Keeps what was said until nobody needs it any more, or the supervisor asks to stop. A source has been asked once before; one
     /// that has come to its end by itself ends the run with that.
-    fn stay(&mut self) -> Result<(), RunError> {
+    fn linger(&mut self) -> Result<(), RunError> {
         let asked = self.signals.count();
-        if self.needed_by.is_empty() || self.is_source != (asked > 0) {
+        if self.consumers.is_empty() || self.is_source != (asked > 0) {
             return Ok(());
         }
         let mut statuses = self.ports.uncounted_reader::<DeploymentStatus>()?;
@@ -290,13 +290,13 @@ impl Shell {
             while let Some(received) = statuses.take()? {
                 let Received::Message(status) = received else { continue };
                 let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
-                self.needed_by.retain(|name| !is_over(name));
+                self.consumers.retain(|name| !is_over(name));
             }
-            if self.needed_by.is_empty() {
+            if self.consumers.is_empty() {
                 break;
             }
-            self.report.note = Text::new(&format!("has ended, stays for {}", self.needed_by.join(", ")));
-            self.tell_progress()?;
+            self.report.note = Text::new(&format!("has ended, stays for {}", self.consumers.join(", ")));
+            self.publish_progress()?;
             self.beat(Phase::Ending)?;
             self.ports.refresh();
             self.wait(&[], HEARTBEAT)?;
@@ -311,14 +311,14 @@ impl Shell {
 
     /// Tells what is new, and whoever has just joined everything: the history of the service holds one answer, and a process may
     /// answer several streams.
-    fn tell_progress(&mut self) -> Result<(), BusError> {
+    fn publish_progress(&mut self) -> Result<(), BusError> {
         let joined = self.progress.joined();
         for answer in &mut self.report.answers {
             let seq = self.ports.answered(answer.service, answer.seq);
-            if answer.told == Some(seq) && !joined {
+            if answer.published == Some(seq) && !joined {
                 continue;
             }
-            answer.told = Some(seq);
+            answer.published = Some(seq);
             let process = Text::new(self.membership.process());
             let stamp_ns = self.membership.clock().now_ns();
             let progress = Progress { process, service: Text::new(answer.service), answered: seq };
@@ -332,8 +332,8 @@ impl Shell {
         let inputs_count = inputs.len().min(MAX_INPUTS) as u32;
         let process = Text::new(self.membership.process());
         let stamp_ns = self.membership.clock().now_ns();
-        let note = match &*self.refusal.borrow() {
-            Some(refusal) => Text::new(&format!("{refusal}; {}", report.note)),
+        let note = match &*self.save_error.borrow() {
+            Some(save_error) => Text::new(&format!("{save_error}; {}", report.note)),
             None => report.note,
         };
         self.heartbeats.send_with(report.rounds, stamp_ns, |heartbeat| {
@@ -368,7 +368,7 @@ impl Context<'_> {
         self.membership.clock().now_ns()
     }
 
-    /// Since the deployment started, s of deployment time: what people are told.
+    /// Since the deployment started, s of deployment time: as people read it.
     #[must_use]
     pub fn elapsed_s(&self) -> f64 {
         self.membership.clock().elapsed_s()
@@ -404,7 +404,7 @@ impl Context<'_> {
         let answers = &mut self.report.answers;
         match answers.iter_mut().find(|answer| answer.service == service.name) {
             Some(answer) => answer.seq = seq,
-            None => answers.push(Answer { service: service.name, seq, told: None }),
+            None => answers.push(Answer { service: service.name, seq, published: None }),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use bus::{Domain, Reader, Received, Writer};
 use messages::{DeploymentStatus, Heartbeat, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarScan, Text};
-use stillmap_runtime::{Context, Kept, Next, Process, RunState, Shell, StepError};
+use stillmap_runtime::{Context, Next, PersistedState, Process, RunState, Shell, StepError};
 
 /// A domain that no other test shares.
 fn domain() -> Domain {
@@ -113,7 +113,7 @@ fn who_is_needed_stays_when_it_has_finished_and_what_it_said_can_be_had_again() 
     let source = std::thread::spawn(move || {
         let mut shell = Shell::join(membership).unwrap();
         let mut sending = Sending(shell.writer().unwrap());
-        shell.stay_for(["sink".to_owned()]);
+        shell.linger_until(["sink".to_owned()]);
         shell.run(&mut sending).unwrap();
     });
     let mut beats = 0;
@@ -148,10 +148,11 @@ fn a_run_that_goes_on_is_later_than_its_last_note_whatever_the_wall_clock_says()
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("state");
     let name = format!("test-runtime-goes-on-{}", std::process::id());
-    let open = || RunState::open(&name, 1.0, &[], Some(Kept { folder: &folder, made_with: "cells of 0.1 m", fresh: false })).unwrap();
+    let open =
+        || RunState::open(&name, 1.0, &[], Some(PersistedState { folder: &folder, made_with: "cells of 0.1 m", fresh: false })).unwrap();
     let (state, first) = open();
     let (run, noted_ns) = (first.run(), first.membership_for("mapping", 0, "x".as_ref()).clock().now_ns());
-    assert!(!state.goes_on());
+    assert!(!state.is_resumed());
     first.close().unwrap();
 
     // As if the wall clock had been set back by an hour since.
@@ -160,7 +161,7 @@ fn a_run_that_goes_on_is_later_than_its_last_note_whatever_the_wall_clock_says()
     let (head, _) = text.trim_end().rsplit_once('\n').unwrap();
     std::fs::write(&note, format!("{head}\n{later_ns}\n")).unwrap();
     let (state, second) = open();
-    assert!(state.goes_on());
+    assert!(state.is_resumed());
     assert_eq!(second.run(), run);
     assert!(second.membership_for("mapping", 0, "x".as_ref()).clock().now_ns() > later_ns);
     second.close().unwrap();

@@ -61,8 +61,8 @@ impl Wish {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
-    let last = checkpoint.take_up(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
-    shell.is_source_for(settings.named(BuiltIn::Sbs));
+    let last = checkpoint.restore(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    shell.linger_as_source_until(settings.named(BuiltIn::Sbs));
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),
@@ -134,7 +134,7 @@ impl Process {
         }
         let place = self.session.next_place(&about, now_ns, clock_ns());
         // Before the picture leaves: after a kill at any moment no number is given twice.
-        self.checkpoint.keep(place.as_bytes());
+        self.checkpoint.save(place.as_bytes());
         let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
         let result = self.frames.try_send_with(place.seq, place.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;
         Ok(Some(Input::Picture(about.sequence, result.map(|()| place))))

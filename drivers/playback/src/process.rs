@@ -46,9 +46,9 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
     let membership = shell.membership();
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
-    let resume = checkpoint.take_up(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
+    let resume = checkpoint.restore(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
     let kinds = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Sbs, BuiltIn::Fti];
-    shell.is_source_for(kinds.into_iter().flat_map(|kind| settings.named(kind)));
+    shell.linger_as_source_until(kinds.into_iter().flat_map(|kind| settings.named(kind)));
     if restarted {
         tracing::info!("goes on behind scan {}", resume.begin_behind[0]);
     }
@@ -196,7 +196,7 @@ impl Playback {
             self.rate = speed / clock;
             let schedule = self.resume.schedule;
             self.resume.schedule = schedule.map(|it| it.paced(context.now_ns(), if paused == 1 { 0.0 } else { speed / clock }));
-            self.checkpoint.keep(&self.resume.to_bytes());
+            self.checkpoint.save(&self.resume.to_bytes());
         }
         Ok(())
     }
@@ -233,7 +233,7 @@ impl Playback {
             }
             self.resume.schedule = Some(schedule);
             if self.resume.reserve(lane.stream, seq) | is_new {
-                self.checkpoint.keep(&self.resume.to_bytes());
+                self.checkpoint.save(&self.resume.to_bytes());
             }
             lane.send(seq, stamp_ns)?;
         }

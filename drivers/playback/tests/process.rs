@@ -193,7 +193,7 @@ fn a_restarted_playback_leaves_no_frame_out() {
             let mut process = bench.process.take().unwrap();
             process.kill().unwrap();
             process.wait().unwrap();
-            bench.domain.remove_the_dead();
+            bench.domain.remove_dead_nodes();
         }
     }
     bench.check_complete();

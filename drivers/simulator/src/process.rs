@@ -82,7 +82,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> 
         Provides::Pictures => Some(CameraFeed::Pictures(Box::new(PictureFeed::new(&world, settings, &mut shell, driven_ns)?))),
     };
     if camera.is_some() {
-        shell.is_source_for([BuiltIn::Sbs, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
+        shell.linger_as_source_until([BuiltIn::Sbs, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
     }
     let mut process = Process {
         camera,
@@ -229,7 +229,7 @@ impl Process {
         let bytes = self.robot.tick(&packet);
         self.state = DriveState { packets: packet.number, sent: self.state.sent + u64::from(!bytes.is_empty()) };
         // Before the packet leaves: after a kill at any moment the robot goes on from where its client saw it last, or further.
-        self.checkpoint.keep(&self.state.to_bytes());
+        self.checkpoint.save(&self.state.to_bytes());
         if !bytes.is_empty() {
             self.send(&bytes)?;
             if !self.robot.sonars_on() {
@@ -268,7 +268,7 @@ impl Process {
 
 /// Takes the drive up where an earlier incarnation left it.
 fn resume(checkpoint: &Checkpoint, simulation: &mut Simulation) -> DriveState {
-    let state = checkpoint.take_up(|saved| DriveState::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    let state = checkpoint.restore(|saved| DriveState::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
     if state.packets > 0 {
         tracing::info!("the drive goes on after {} packets, the robot switched off and on", state.packets);
     }

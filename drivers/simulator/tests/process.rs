@@ -172,7 +172,7 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
     assert_eq!(chunks, [(1, 1, 1.0)]);
     let membership = deployment.domain.membership_for("robot", 1, "settings.toml".as_ref());
-    let kept = Shell::join(membership).unwrap().checkpoint().take_up(|saved| Ok::<_, String>(saved.state.to_vec()));
+    let kept = Shell::join(membership).unwrap().checkpoint().restore(|saved| Ok::<_, String>(saved.state.to_vec()));
     assert_eq!(kept.as_deref(), Some(state(70, 70).as_ref()));
     drop(truths);
     assert!(!deployment.port().exists());
@@ -185,7 +185,7 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
     let mut truths = Truths::of(&mut deployment);
     // What an earlier incarnation left behind that was killed after 40 packets, 38 of them sent.
     let membership = deployment.domain.membership_for("robot", 0, "settings.toml".as_ref());
-    Shell::join(membership).unwrap().checkpoint().keep(&state(40, 38));
+    Shell::join(membership).unwrap().checkpoint().save(&state(40, 38));
 
     let simulator = deployment.start();
     let sips = ride(&mut connect(&deployment.port()), || truths.take());
@@ -233,7 +233,7 @@ fn its_camera_shows_the_drive_also_after_a_kill() {
         let mut masks: FrameReader<TruthMask> = watcher.frame_reader().unwrap();
         if let Some(state) = left_behind {
             let membership = deployment.domain.membership_for("robot", 0, "settings.toml".as_ref());
-            Shell::join(membership).unwrap().checkpoint().keep(&state);
+            Shell::join(membership).unwrap().checkpoint().save(&state);
         }
         let simulator = deployment.start();
         let (mut seen, mut labels) = (Vec::new(), Vec::new());

@@ -14,7 +14,7 @@ use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
 use bus::{DeploymentClock, Domain, DomainError, Received, shared_memory_is_short};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
-use runtime::{Kept, RunState};
+use runtime::{PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{BuiltIn, Program, RoutedService, Settings};
@@ -107,8 +107,8 @@ impl<'a> Supervisor<'a> {
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;
-        let kept = options.state.as_deref().map(|folder| Kept { folder, made_with: &made_with, fresh: options.fresh });
-        let (state, mut domain) = RunState::open(settings.name.as_str(), options.speed, &routed, kept)?;
+        let persisted = options.state.as_deref().map(|folder| PersistedState { folder, made_with: &made_with, fresh: options.fresh });
+        let (state, mut domain) = RunState::open(settings.name.as_str(), options.speed, &routed, persisted)?;
         let prepared = Prepared::new(&mut domain, settings, &text);
         let Prepared { settings_path, clock, ports, out } = match prepared {
             Ok(prepared) => prepared,
@@ -117,7 +117,7 @@ impl<'a> Supervisor<'a> {
                 return Err(error);
             }
         };
-        if state.goes_on() {
+        if state.is_resumed() {
             tracing::info!("the last run goes on, with the map as it was; --fresh begins a new one");
         }
         let count = settings.process.len();
@@ -375,7 +375,7 @@ impl<'a> Supervisor<'a> {
             if let Some(exit) = exit {
                 self.children[process] = None;
                 self.vitals[process].end();
-                self.domain.remove_the_dead();
+                self.domain.remove_dead_nodes();
                 self.feed(Event::Exited { process, exit })?;
                 changed = true;
             }
@@ -392,7 +392,7 @@ impl<'a> Supervisor<'a> {
                 tracing::debug!("{error}");
             }
             // A visitor is nobody's child: nothing else tells that it was killed.
-            self.domain.remove_the_dead();
+            self.domain.remove_dead_nodes();
             for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
                 if let Some(child) = child {
                     vitals.sample(child.usage(), self.units, now);

@@ -11,7 +11,7 @@
 
 use bus::{Membership, Received, RunningDomain};
 use messages::{DeploymentStatus, MapSummary, ProcessState, SonarScan};
-use runtime::{Context, Next, Process, Shell, StepError, Tool};
+use runtime::{Context, Next, Observer, Process, Shell, StepError};
 use rustix::process::{Pid, Signal, kill_process};
 use settings::Settings;
 use std::io::{BufRead, BufReader};
@@ -247,7 +247,7 @@ fn who_was_heard_while_the_supervisor_stood_still_does_not_hang() {
 /// A visitor of the deployment of this name: says whether it found a place, and keeps it.
 fn visit(name: &str) -> ExitCode {
     let domain = RunningDomain::all().unwrap().into_iter().find(|it| it.name() == name).unwrap();
-    let mut tool = Tool::join(&domain).unwrap();
+    let mut tool = Observer::join(&domain).unwrap();
     let place = tool.reader::<DeploymentStatus>();
     println!("{}", if place.is_ok() { "in" } else { "refused" });
     wait_until(|| false);
@@ -267,7 +267,7 @@ fn visitors_that_were_killed_take_no_place_for_long() {
     let mut supervisor = start(&settings(&["waits", "runs"]));
     wait_until(|| runtime().join("test").join("runs-is-up").exists());
     let domain = RunningDomain::all().unwrap().pop().unwrap();
-    let mut tool = Tool::join(&domain).unwrap();
+    let mut tool = Observer::join(&domain).unwrap();
     let mut statuses = tool.reader::<DeploymentStatus>().unwrap();
     let mut uptime_ms_from = |least_ms: u64| loop {
         tool.wait(Duration::from_secs(1)).unwrap();
@@ -355,9 +355,9 @@ fn child(behaviour: &str) -> ExitCode {
     let mut shell = Shell::join(membership).unwrap();
     if behaviour == "finds-broken-once" {
         let mut checkpoint = shell.checkpoint();
-        let kept = checkpoint.take_up(|saved| Ok::<_, String>(saved.state.to_vec()));
+        let kept = checkpoint.restore(|saved| Ok::<_, String>(saved.state.to_vec()));
         assert_eq!(kept.is_some(), !first, "the checkpoints of the run outlive its bus");
-        checkpoint.keep(b"kept");
+        checkpoint.save(b"kept");
     }
     let work = match behaviour {
         "counts" => Work::Counts { rounds: 20, every: Duration::from_millis(10) },

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Recent, Writer};
 use messages::{CameraMotion, FilterVerdict, Replay, SonarMotion, SonarScan, VerdictOutlook, Walkers};
-use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Saved, Shell, StepError};
+use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shell, Snapshot, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
 
@@ -124,7 +124,7 @@ impl Integration {
         let parameters = parameters(settings, speed);
         let with_camera = parameters.camera.is_some();
         let checkpoint = shell.checkpoint();
-        let restored = checkpoint.take_up(|saved| restore(parameters.clone(), saved));
+        let restored = checkpoint.restore(|saved| restore(parameters.clone(), saved));
         let (fti, place, recent) = match restored {
             Some(restored) => restored,
             None => (Fti::new(parameters)?, Place::default(), Recent::default()),
@@ -133,8 +133,8 @@ impl Integration {
             tracing::info!("goes on after scan {}", place.scan);
         }
         let mut verdicts = shell.writer()?;
-        recent.say_again(&mut verdicts)?;
-        shell.stay_for(settings.named(BuiltIn::Mapping));
+        recent.republish(&mut verdicts)?;
+        shell.linger_until(settings.named(BuiltIn::Mapping));
         let mut scans = shell.reader::<SonarScan>()?;
         scans.skip_to(place.scan, place.scan_ns);
         let mut sonar = shell.reader::<SonarMotion>()?;
@@ -291,7 +291,7 @@ impl Integration {
         bytes.clear();
         let bytes = postcard::to_extend(&(self.place, self.recent.to_bytes()), bytes)?;
         self.saved = self.fti.save_head(bytes);
-        self.checkpoint.keep_with(&self.saved, &mut Tiles(&mut self.fti));
+        self.checkpoint.save_parts(&self.saved, &mut Tiles(&mut self.fti));
         self.checkpointed = self.place.scan;
         Ok(())
     }
@@ -345,7 +345,7 @@ impl Parts for Tiles<'_> {
     }
 }
 
-fn restore(parameters: Parameters, saved: &Saved<'_>) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
+fn restore(parameters: Parameters, saved: &Snapshot<'_>) -> Result<(Fti, Place, Recent<FilterVerdict>), StateError> {
     let ((place, recent), head) = postcard::take_from_bytes::<(Place, Vec<u8>)>(saved.state)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
     let mut fti = Fti::restore(parameters, head, saved.parts.iter().map(|(key, part)| (*key, *part)))?;

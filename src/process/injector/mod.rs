@@ -22,7 +22,7 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// When the bus fails.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let checkpoint = shell.checkpoint();
-    let first_ns = checkpoint.take_up(|saved| Ok::<_, Infallible>(numbers(saved.state))).unwrap_or_default();
+    let first_ns = checkpoint.restore(|saved| Ok::<_, Infallible>(numbers(saved.state))).unwrap_or_default();
     let mut relays = Vec::new();
     for service in settings.routed_services() {
         let first_ns = first_ns.get(index_of(service)).copied().filter(|stamp_ns| *stamp_ns > 0);
@@ -197,7 +197,7 @@ impl Injector {
         }
         if first_ns != self.saved_ns {
             let bytes: Vec<u8> = first_ns.iter().flat_map(|stamp_ns| stamp_ns.to_le_bytes()).collect();
-            self.checkpoint.keep(&bytes);
+            self.checkpoint.save(&bytes);
             self.saved_ns = first_ns;
         }
     }

@@ -90,7 +90,7 @@ impl Mapping {
         let speed = shell.membership().speed();
         let empty = Mapper::new(&parameters(settings, speed))?;
         let checkpoint = shell.checkpoint();
-        let restored = checkpoint.take_up(|saved| empty.clone().restore(saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
+        let restored = checkpoint.restore(|saved| empty.clone().restore(saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
         let mapper = restored.unwrap_or(empty);
         let mut scans = shell.reader::<SonarScan>()?;
         let (last_seq, last_ns) = mapper.last_scan();
@@ -185,7 +185,7 @@ impl Mapping {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        self.checkpoint.keep_with(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
+        self.checkpoint.save_parts(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
         self.checkpointed = self.mapper.last_scan().0;
         Ok(())
     }

@@ -35,7 +35,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let buffer = LogBuffer::new(&preamble)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
-    let written = checkpoint.take_up(|saved| Ok::<_, Infallible>(PerStream::from_bytes(saved.state))).unwrap_or_default();
+    let written = checkpoint.restore(|saved| Ok::<_, Infallible>(PerStream::from_bytes(saved.state))).unwrap_or_default();
     let mut inputs = Inputs::open(&mut shell, settings.recorder.pictures)?;
     inputs.skip_to(written.scan, written.frame);
     let mut recorder = Recorder {
@@ -161,7 +161,7 @@ impl Recorder {
         if self.written != self.last {
             self.written = self.last;
             // Without it a restarted recorder is sent messages again that are in the log.
-            self.checkpoint.keep(&self.written.to_bytes());
+            self.checkpoint.save(&self.written.to_bytes());
         }
         Ok(())
     }

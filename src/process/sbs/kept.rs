@@ -25,7 +25,7 @@ pub(super) struct Kept {
 impl Kept {
     /// Goes on from the checkpoint when there is one that can be used; otherwise the background is learnt anew.
     pub(super) fn take_up(checkpoint: &Checkpoint, parameters: Parameters) -> Self {
-        match checkpoint.take_up(|saved| Self::restore(parameters.clone(), saved.state)) {
+        match checkpoint.restore(|saved| Self::restore(parameters.clone(), saved.state)) {
             Some(kept) => {
                 tracing::info!("goes on after frame {}", kept.place.seq);
                 kept

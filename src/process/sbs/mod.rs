@@ -39,7 +39,7 @@ pub enum SbsError {
 /// When the bus fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SbsError> {
     let mut subtraction = Subtraction::new(&mut shell, settings)?;
-    shell.stay_for(settings.named(BuiltIn::Fti));
+    shell.linger_until(settings.named(BuiltIn::Fti));
     Ok(shell.run(&mut subtraction)?)
 }
 
@@ -90,7 +90,7 @@ impl Process for Subtraction {
 impl Subtraction {
     fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, BusError> {
         // A start of the deployment is no moment to go on with the background of another: the robot stands, and it is learnt anew.
-        let checkpoint = shell.passing_checkpoint();
+        let checkpoint = shell.volatile_checkpoint();
         let kept = Kept::take_up(&checkpoint, parameters(settings));
         let mut frames = shell.frame_reader()?;
         frames.skip_to(kept.place.seq, kept.place.stamp_ns);
@@ -98,7 +98,7 @@ impl Subtraction {
             frames.join();
         }
         let mut motions: Writer<CameraMotion> = shell.writer()?;
-        kept.recent.say_again(&mut motions)?;
+        kept.recent.republish(&mut motions)?;
         Ok(Self {
             checkpointed: kept.place.seq,
             kept,
@@ -199,7 +199,7 @@ impl Subtraction {
     fn save(&mut self) -> Result<(), StepError> {
         self.saved.clear();
         self.kept.write_to(&mut self.saved);
-        self.checkpoint.keep(&self.saved);
+        self.checkpoint.save(&self.saved);
         self.checkpointed = self.kept.place.seq;
         Ok(())
     }

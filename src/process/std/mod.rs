@@ -35,7 +35,7 @@ pub enum StdError {
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let parameters = parameters(settings);
     let checkpoint = shell.checkpoint();
-    let restored = checkpoint.take_up(|saved| restore(parameters, saved.state));
+    let restored = checkpoint.restore(|saved| restore(parameters, saved.state));
     let (std, place, recent) = match restored {
         Some(restored) => restored,
         None => (Std::new(parameters)?, Place::default(), Recent::default()),
@@ -46,8 +46,8 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(place.seq, place.stamp_ns);
     let mut motions = shell.writer()?;
-    recent.say_again(&mut motions)?;
-    shell.stay_for(settings.named(BuiltIn::Fti));
+    recent.republish(&mut motions)?;
+    shell.linger_until(settings.named(BuiltIn::Fti));
     Ok(shell.run(&mut Difference {
         std,
         scans,
@@ -132,7 +132,7 @@ impl Difference {
 
     fn save(&mut self) -> Result<(), StepError> {
         let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.std.to_bytes()))?;
-        self.checkpoint.keep(&bytes);
+        self.checkpoint.save(&bytes);
         self.checkpointed = self.place.seq;
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! A visitor of a running deployment: reads, and publishes nothing.
+//! An observer of a running deployment: it reads and publishes nothing.
 
 use std::time::Duration;
 
@@ -6,11 +6,11 @@ use bus::{BusError, DomainError, FrameReader, Ports, Reader, RunningDomain};
 use messages::{Payload, Pictures};
 
 /// A command that looks at a running deployment.
-pub struct Tool {
+pub struct Observer {
     ports: Ports,
 }
 
-impl Tool {
+impl Observer {
     /// Joins a running deployment.
     ///
     /// # Errors
