@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::logged::DecodeError;
+use crate::decode_error::DecodeError;
 
 /// Bytes of a log that are not what they should be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

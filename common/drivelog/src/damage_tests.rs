@@ -7,8 +7,9 @@ use messages::{MapTile, Pose, SonarReading, SonarScan};
 
 use crate::damage::{Damage, Fault};
 use crate::deframer::opcode;
+use crate::ending::Ending;
 use crate::logged::Logged;
-use crate::part::{Ending, PartReader};
+use crate::part::PartReader;
 use crate::preamble::Preamble;
 use crate::recording::Recording;
 

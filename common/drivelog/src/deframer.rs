@@ -2,17 +2,15 @@
 
 use crc32fast::Hasher;
 
+use crate::chunk::{MAX_RECORD, unpack};
 use crate::damage::Damage;
+use crate::ending::Ending;
 use crate::fields::Fields;
-use crate::part::Ending;
-use crate::records::unpack;
 
 /// What an MCAP file starts and ends with.
 pub(crate) const MAGIC: &[u8] = mcap::MAGIC;
 /// Bytes before the body of a record: what it is, and its length.
 const HEAD: usize = 9;
-/// The largest record that is read; the largest that is written is a picture of the map.
-pub(crate) const MAX_RECORD: u64 = 64 << 20;
 /// Bytes of a data end: its checksum.
 const DATA_END: u64 = 4;
 /// Bytes of a chunk without its content and the word for how it is packed: three times and sizes, a checksum, two lengths.

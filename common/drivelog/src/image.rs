@@ -6,7 +6,8 @@ use prost::Message;
 
 use messages::{FrameLayout, PixelFormat};
 
-use crate::logged::{DecodeError, Format, foxglove_format};
+use crate::decode_error::DecodeError;
+use crate::logged::{Format, foxglove_format};
 use crate::tile::timestamp;
 
 /// A picture of a log.

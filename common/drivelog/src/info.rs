@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::Path;
 
 use crate::damage::LogError;
+use crate::ending::Ending;
 use crate::log::{Log, Outcome, Part};
-use crate::part::Ending;
 use crate::preamble::Preamble;
 
 /// Most damages that are told one by one.

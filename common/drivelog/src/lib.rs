@@ -1,10 +1,13 @@
 //! The log of a drive: MCAP files of what was on the bus, written, read, recovered and imported.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod chunk;
 mod damage;
 #[cfg(test)]
 mod damage_tests;
+mod decode_error;
 mod deframer;
+mod ending;
 mod fields;
 mod image;
 mod info;
@@ -24,14 +27,17 @@ mod views;
 mod writer;
 
 pub use damage::{Damage, Fault, LogError, WriteError};
+pub use decode_error::DecodeError;
+pub use ending::Ending;
 pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
 pub use log::{Entry, Log, Outcome, Part};
-pub use logged::{DecodeError, Format, LogVisitor, Logged, foxglove_format, visit_logged};
-pub use part::{Channel, Ending, RawMessage};
+pub use logged::{Format, LogVisitor, Logged, foxglove_format, visit_logged};
+pub use part::RawMessage;
 pub use parts::{following_parts, part_path};
 pub use preamble::Preamble;
 pub use recording::{Recording, Scene};
+pub use records::Channel;
 pub use recover::{Recovered, recover};
 pub use robond::{Imported, import_robond};
 pub use tile::timestamp;

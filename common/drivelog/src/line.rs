@@ -6,7 +6,7 @@ use prost::Message;
 
 use messages::{LogLine, Text};
 
-use crate::logged::DecodeError;
+use crate::decode_error::DecodeError;
 use crate::tile::timestamp;
 
 /// The field that follows those of the line, under a number that no line uses.

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use messages::{Pictures, Service};
 
 use crate::damage::{Fault, LogError};
+use crate::decode_error::DecodeError;
+use crate::ending::Ending;
 use crate::image::{self, Image};
-use crate::logged::{DecodeError, Logged};
-use crate::part::{Ending, PartReader, RawMessage};
+use crate::logged::Logged;
+use crate::part::{PartReader, RawMessage};
 use crate::parts::following_parts;
 use crate::preamble::Preamble;
 use crate::views::PoseView;

@@ -1,7 +1,8 @@
 //! Messages as a log holds them.
 
-use messages::{Invalid, LogLine, MapTile, Payload, Pictures};
+use messages::{LogLine, MapTile, Payload, Pictures};
 
+use crate::decode_error::DecodeError;
 use crate::{json, line, tile};
 
 /// What a channel of a log says of its messages.
@@ -15,33 +16,6 @@ pub struct Format {
     pub schema: Vec<u8>,
     /// `json` or `protobuf`.
     pub message_encoding: String,
-}
-
-/// Bytes in a log that are not the message they should be.
-#[derive(Debug, thiserror::Error)]
-pub enum DecodeError {
-    /// Not the JSON of this message.
-    #[error("the message cannot be read: {0}")]
-    Json(#[from] serde_json::Error),
-    /// Not a protobuf message.
-    #[error("the message cannot be read: {0}")]
-    Protobuf(#[from] prost::DecodeError),
-    /// A grid that is no tile of a map.
-    #[error("the grid is no tile: {what} is {found}, expected {expected}")]
-    NoTile {
-        /// What is wrong with it.
-        what: &'static str,
-        /// Its value.
-        found: f64,
-        /// What it should be.
-        expected: f64,
-    },
-    /// A picture whose pixels are stored in a way that no picture of ours is.
-    #[error("the picture's encoding is {0:?}, expected mono8, yuyv or rgb8")]
-    Encoding(String),
-    /// Numbers that cannot be meant.
-    #[error(transparent)]
-    Invalid(#[from] Invalid),
 }
 
 /// A payload that logs hold: numbers come back bit for bit.

@@ -4,35 +4,13 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::ops::Range;
 
+use crate::chunk::unpack;
 use crate::damage::{Damage, Fault};
 use crate::deframer::{opcode, split_record};
+use crate::ending::Ending;
 use crate::fields::Fields;
-use crate::logged::Format;
 use crate::preamble::{DESCRIPTION, Preamble};
-use crate::records::{Record, RecordReader, Schema, channel, damage, named_texts, schema, settings_of, unpack};
-
-/// How a file ends.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Ending {
-    /// As it should, with its index.
-    Complete,
-    /// In the middle of something: whoever wrote it was killed, or the disk was full.
-    Cut {
-        /// Size of what can be read, bytes.
-        offset: u64,
-    },
-    /// What follows cannot be read.
-    Damaged(Damage),
-}
-
-/// A topic of the file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Channel {
-    /// The topic: the name of a service, or of something that was derived for people.
-    pub topic: String,
-    /// What its messages are.
-    pub format: Format,
-}
+use crate::records::{Channel, Record, RecordReader, Schema, channel, damage, named_texts, schema, settings_of};
 
 /// A message as it stands in the file.
 #[derive(Debug, Clone, Copy)]

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read};
 
 use crate::damage::{Damage, Fault};
-use crate::deframer::{Deframer, Frame, MAX_RECORD};
+use crate::deframer::{Deframer, Frame};
+use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::logged::Format;
-use crate::part::{Channel, Ending};
+
 use crate::preamble::SETTINGS;
 
 /// Bytes that are read at a time.
@@ -19,6 +20,15 @@ pub(crate) struct Record {
     pub(crate) offset: u64,
     pub(crate) opcode: u8,
     pub(crate) body: Vec<u8>,
+}
+
+/// A topic of the file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// The topic: the name of a service, or of something that was derived for people.
+    pub topic: String,
+    /// What its messages are.
+    pub format: Format,
 }
 
 /// What the messages of a channel are.
@@ -138,43 +148,4 @@ pub(crate) fn channel(fields: &mut Fields<'_>, schemas: &BTreeMap<u16, Schema>) 
     let message_encoding = fields.text()?.to_owned();
     let format = Format { schema_name: schema.name, schema_encoding: schema.encoding, schema: schema.data, message_encoding };
     Some((id, Channel { topic, format }))
-}
-
-/// The records of a chunk, decompressed and checked.
-pub(crate) fn unpack(offset: u64, body: &[u8]) -> Result<Vec<u8>, Damage> {
-    let wrong = |found: String, expected: &str| Damage { offset, found, expected: expected.to_owned(), skipped: 0 };
-    let mut fields = Fields(body);
-    let Some((size, crc, compression, packed)) = packed_content(&mut fields) else {
-        return Err(wrong("a chunk that does not fit its length".to_owned(), "a whole chunk"));
-    };
-    if size > MAX_RECORD {
-        return Err(wrong(format!("a chunk of {size} bytes"), "at most 67108864"));
-    }
-    let content = match compression {
-        "" => packed.to_vec(),
-        "lz4" => {
-            let mut content = Vec::with_capacity(size as usize);
-            let unpacked = lz4::Decoder::new(packed).and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
-            unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "LZ4"))?;
-            content
-        }
-        other => return Err(wrong(format!("compression {other:?}"), "lz4 or none")),
-    };
-    let calculated = crc32fast::hash(&content);
-    if content.len() as u64 != size || crc != calculated {
-        let found = format!("a chunk of {} bytes with checksum {calculated:08x}", content.len());
-        return Err(wrong(found, &format!("{size} bytes with checksum {crc:08x}")));
-    }
-    Ok(content)
-}
-
-/// Size and checksum of a chunk's content, how it is packed, and what it is packed into.
-fn packed_content<'a>(fields: &mut Fields<'a>) -> Option<(u64, u32, &'a str, &'a [u8])> {
-    fields.u64()?;
-    fields.u64()?;
-    let (size, crc) = (fields.u64()?, fields.u32()?);
-    let compression = fields.text()?;
-    let length = fields.u64()?;
-    let packed = fields.bytes(length)?;
-    fields.0.is_empty().then_some((size, crc, compression, packed))
 }

@@ -7,7 +7,7 @@ use prost::Message;
 
 use messages::{MapTile, TILE_CELLS, TILE_EDGE};
 
-use crate::logged::DecodeError;
+use crate::decode_error::DecodeError;
 
 /// Bytes of a cell: its log-odds as a little-endian `f32`.
 const CELL_BYTES: usize = 4;
