@@ -31,6 +31,7 @@ mod layer;
 mod lonely;
 mod mapper;
 mod numeric;
+mod occupied;
 mod parameters;
 mod pending;
 #[cfg(test)]
@@ -43,6 +44,7 @@ mod way;
 pub use codec::StateError;
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
+pub use occupied::{OCCUPIED, is_occupied};
 pub use parameters::{CommitRule, Fades, Parameters, ParametersError, SensorParameters, TuningParameters};
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

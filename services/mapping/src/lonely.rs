@@ -2,8 +2,7 @@
 
 use geometry::{Cell, Lattice, TILE_CELLS, TILE_EDGE, Tile, TileKey};
 
-/// A cell is occupied above this: P = 0.65.
-const OCCUPIED: f32 = 0.619;
+use crate::occupied::is_occupied;
 
 /// A tile as it is published: an occupied cell with fewer than `lonely_below` occupied ones among its eight neighbours is
 /// given the value of its opposite, free.
@@ -11,7 +10,7 @@ pub(crate) fn published(shown: &Lattice<f32>, key: TileKey, lonely_below: usize)
     let Some(tile) = shown.tile(key) else { return [0.0; TILE_CELLS] };
     let mut cells = *tile;
     let Some(first) = key.first_cell().filter(|_| lonely_below > 0) else { return cells };
-    for (index, value) in cells.iter_mut().enumerate().filter(|(_, value)| **value > OCCUPIED) {
+    for (index, value) in cells.iter_mut().enumerate().filter(|(_, value)| is_occupied(**value)) {
         let (row, column) = (first.row + (index / TILE_EDGE) as i32, first.column + (index % TILE_EDGE) as i32);
         if occupied_neighbours(shown, row, column) < lonely_below {
             *value = -*value;
@@ -22,7 +21,8 @@ pub(crate) fn published(shown: &Lattice<f32>, key: TileKey, lonely_below: usize)
 
 fn occupied_neighbours(shown: &Lattice<f32>, row: i32, column: i32) -> usize {
     let around = (-1..=1).flat_map(|up| (-1..=1).map(move |right| (up, right))).filter(|place| *place != (0, 0));
-    around.filter(|(up, right)| shown.get(Cell { row: row.saturating_add(*up), column: column.saturating_add(*right) }) > OCCUPIED).count()
+    let at = |(up, right): &(i32, i32)| Cell { row: row.saturating_add(*up), column: column.saturating_add(*right) };
+    around.filter(|place| is_occupied(shown.get(at(place)))).count()
 }
 
 /// The tiles whose published cells may change with a tile: itself, and its neighbours where they look across their edge.

@@ -9,7 +9,7 @@ use messages::{
     FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Payload, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook,
 };
 use proptest::prelude::*;
-use stillmap_mapping::{CommitRule, Input, Mapper, Parameters, Refused, StateError};
+use stillmap_mapping::{CommitRule, Input, Mapper, Parameters, Refused, StateError, is_occupied};
 
 const SECOND_NS: u64 = 1_000_000_000;
 
@@ -120,7 +120,7 @@ fn lonely_cells_are_published_free_when_asked_for() {
     let occupied = |lonely_below: u32| {
         let mut mapper = mapper(&Parameters { lonely_below, ..Parameters::default() });
         mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
-        shown(&mut mapper).iter().flat_map(|tile| tile.log_odds).filter(|cell| *cell > 0.619).count()
+        shown(&mut mapper).iter().flat_map(|tile| tile.log_odds).filter(|cell| is_occupied(*cell)).count()
     };
     let (all, joined, inner) = (occupied(0), occupied(1), occupied(8));
     assert!(all > 4 && joined == all && inner == 0, "{all} {joined} {inner}");

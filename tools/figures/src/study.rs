@@ -46,7 +46,7 @@ mod tests {
         let occupied = |ranges_m: &[f64]| -> Vec<i32> {
             let scans: Vec<SonarScan> = ranges_m.iter().map(|range_m| echo_ahead(CELL_M, *range_m)).collect();
             let cells = cells(&map_of(&parameters, &scans).unwrap(), Layer::Filtered);
-            cells.into_iter().filter(|(_, p)| *p > 0.65).map(|((_, column), _)| column).collect()
+            cells.into_iter().filter(|(_, p)| *p > mapping::OCCUPIED).map(|((_, column), _)| column).collect()
         };
         let first = occupied(&[1.0; 8]);
         assert!(!first.is_empty() && first.iter().all(|column| (18..=21).contains(column)), "{first:?}");

@@ -1,14 +1,14 @@
 //! `map.pgm` and `map.yaml` as ROS 1's map_server and nav2 read them: trinary, row 0 at the largest y.
 
 use super::rectangle::Rectangle;
+use crate::integrate::probability;
+use crate::occupied::{OCCUPIED, is_occupied};
 
-/// Above this occupancy a cell is occupied.
-const OCCUPIED_ABOVE: f64 = 0.65;
 /// Below this occupancy a cell is free. With nav2's own default of 0.25 the grey of unknown would read as free.
 const FREE_BELOW: f64 = 0.196;
 
 const FREE: u8 = 254;
-const OCCUPIED: u8 = 0;
+const BLACK: u8 = 0;
 const UNKNOWN: u8 = 205;
 
 pub(super) fn pgm(map: &Rectangle) -> Vec<u8> {
@@ -18,9 +18,9 @@ pub(super) fn pgm(map: &Rectangle) -> Vec<u8> {
 }
 
 fn grey(log_odds: f32) -> u8 {
-    match crate::integrate::probability(log_odds) {
-        p if p > OCCUPIED_ABOVE => OCCUPIED,
-        p if p < FREE_BELOW => FREE,
+    match log_odds {
+        _ if is_occupied(log_odds) => BLACK,
+        _ if probability(log_odds) < FREE_BELOW => FREE,
         _ => UNKNOWN,
     }
 }
@@ -28,7 +28,7 @@ fn grey(log_odds: f32) -> u8 {
 pub(super) fn yaml(map: &Rectangle, image: &str) -> String {
     let [x, y] = map.origin_m;
     format!(
-        "image: {image}\nmode: trinary\nresolution: {}\norigin: [{x:.6}, {y:.6}, 0.0]\nnegate: 0\noccupied_thresh: {OCCUPIED_ABOVE}\nfree_thresh: {FREE_BELOW}\n",
+        "image: {image}\nmode: trinary\nresolution: {}\norigin: [{x:.6}, {y:.6}, 0.0]\nnegate: 0\noccupied_thresh: {OCCUPIED}\nfree_thresh: {FREE_BELOW}\n",
         map.cell_m
     )
 }
@@ -47,7 +47,7 @@ mod tests {
         assert_eq!(head, b"P5\n19 18\n255\n");
         // The upper row of the picture is that of the larger y.
         assert_eq!(pixels[8 * 19 + 8], FREE);
-        assert_eq!(pixels[9 * 19 + 8..9 * 19 + 11], [OCCUPIED, UNKNOWN, UNKNOWN]);
+        assert_eq!(pixels[9 * 19 + 8..9 * 19 + 11], [BLACK, UNKNOWN, UNKNOWN]);
         assert_eq!(
             yaml(&map, "map.pgm"),
             "image: map.pgm\nmode: trinary\nresolution: 0.1\norigin: [-0.800000, -0.800000, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
