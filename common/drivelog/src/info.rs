@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
+use messages::seconds;
+
 use crate::damage::LogError;
 use crate::ending::Ending;
 use crate::log::{Log, Outcome, Part};
@@ -129,8 +131,4 @@ impl fmt::Display for Outcome {
             Self::OtherRun(run) => write!(f, "left out, it is of another run ({run:016x})"),
         }
     }
-}
-
-fn seconds(nanoseconds: u64) -> f64 {
-    nanoseconds as f64 * 1e-9
 }

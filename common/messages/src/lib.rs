@@ -20,6 +20,7 @@ mod name;
 mod registry;
 mod scan;
 mod service;
+mod time;
 mod truth;
 mod verdict;
 
@@ -38,6 +39,7 @@ pub use name::{Text, padded_text};
 pub use registry::{SERVICES, visit_services};
 pub use scan::{AFTER_DOUBT, AFTER_LOSS, MAX_READINGS, Pose, SonarReading, SonarScan};
 pub use service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};
+pub use time::seconds;
 pub use truth::{EchoLabel, MAX_SURFACES_PER_CHUNK, MAX_TRUE_WALKERS, Surface, TrueReading, TruthScan, TruthSurfaces};
 pub use verdict::{
     FilterAction, FilterVerdict, MAX_OUTLOOK_SCANS, MAX_REGIONS, MAX_TRACKED_WALKERS, OutlookScan, TrackedWalker, UpdateRegion,

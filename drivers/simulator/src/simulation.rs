@@ -1,6 +1,6 @@
 //! The drive: a status packet every 100 ms with the readings that are new, and the truth behind it.
 
-use messages::{EchoLabel, MAX_READINGS, MAX_SURFACES_PER_CHUNK, Pose, Surface, TrueReading, TruthScan, TruthSurfaces};
+use messages::{EchoLabel, MAX_READINGS, MAX_SURFACES_PER_CHUNK, Pose, Surface, TrueReading, TruthScan, TruthSurfaces, seconds};
 
 use crate::body::Body;
 use crate::chance::{self, PingChance};
@@ -210,8 +210,4 @@ impl Simulation {
         }
         truth
     }
-}
-
-fn seconds(time_ns: u64) -> f64 {
-    time_ns as f64 * 1e-9
 }

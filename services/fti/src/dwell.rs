@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 
 use geometry::{Beam, wrapped};
+use messages::seconds;
 use serde::{Deserialize, Serialize};
 
 /// An echo of the same thing differs from the last one by less than this, m: the way of the robot between two pings and the
@@ -109,7 +110,7 @@ impl Run {
         let moved_m = (last.origin_m[0] - first.origin_m[0]).hypot(last.origin_m[1] - first.origin_m[1]);
         let turned = last.axis_rad - first.axis_rad;
         let way_m = moved_m + TURN * first.range_m * wrapped(turned).abs();
-        (last.stamp_ns.saturating_sub(first.stamp_ns) as f64 * 1e-9).max(way_m / PACE_M_S)
+        seconds(last.stamp_ns.saturating_sub(first.stamp_ns)).max(way_m / PACE_M_S)
     }
 }
 

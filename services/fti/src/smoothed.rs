@@ -1,5 +1,6 @@
 //! Where a walker was, with everything known until now.
 
+use messages::seconds;
 use tracking::Motion;
 
 use crate::track::{ACCELERATION, Origin, Track};
@@ -51,7 +52,7 @@ impl Smoothed {
         for index in (0..moments.len().saturating_sub(1)).rev() {
             let (later_ns, later, _) = moments[index + 1];
             let (stamp_ns, motion, acceleration) = moments[index];
-            moments[index].1 = motion.smoothed(&later, seconds(stamp_ns, later_ns), acceleration);
+            moments[index].1 = motion.smoothed(&later, seconds(later_ns.saturating_sub(stamp_ns)), acceleration);
         }
         Some(Self { moments, trust, held: track.held, whole: !track.older, ended_ns: track.ended_ns })
     }
@@ -62,11 +63,11 @@ impl Smoothed {
         let Some((before_ns, motion, acceleration)) = after.checked_sub(1).and_then(|before| self.moments.get(before)) else {
             return self.before_first(stamp_ns);
         };
-        let since_s = seconds(*before_ns, stamp_ns);
+        let since_s = seconds(stamp_ns.saturating_sub(*before_ns));
         match self.moments.get(after) {
             Some((after_ns, later, _)) => {
                 // Between two supports: predicted from the one, smoothed by the other.
-                let until_s = seconds(stamp_ns, *after_ns);
+                let until_s = seconds(after_ns.saturating_sub(stamp_ns));
                 let share = since_s / (since_s + until_s).max(1e-9);
                 let mean = motion.predict(since_s, 0.0).mean * (1.0 - share) + later.predict(-until_s, 0.0).mean * share;
                 let covariance = motion.covariance * (1.0 - share) + later.covariance * share;
@@ -88,7 +89,7 @@ impl Smoothed {
     /// Back-dated: a walker was somewhere before he was first seen.
     fn before_first(&self, stamp_ns: u64) -> Option<Presence> {
         let (first_ns, first, _) = self.moments.first().filter(|_| self.whole)?;
-        let until_s = seconds(stamp_ns, *first_ns);
+        let until_s = seconds(first_ns.saturating_sub(stamp_ns));
         let stood = first.velocity_m_s().norm() < STOOD_M_S;
         if until_s > if stood { STOOD_S } else { CAME_S } {
             return None;
@@ -108,8 +109,4 @@ fn widened(motion: &Motion, gap_s: f64, acceleration: f64) -> Motion {
 
 fn faded(gap_s: f64) -> f64 {
     (-(gap_s - FRESH_S).max(0.0) / FADE_S).exp()
-}
-
-fn seconds(from_ns: u64, to_ns: u64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
 }

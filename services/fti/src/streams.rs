@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use messages::{CameraMotion, SonarMotion, SonarScan};
+use messages::{CameraMotion, SonarMotion, SonarScan, seconds};
 use serde::{Deserialize, Serialize};
 
 use crate::parameters::Patience;
@@ -143,7 +143,7 @@ impl Streams {
         let front = self.scans.front()?;
         let overdue = self.scans_ended && patience != Patience::Endless
             || self.scans.len() > MOST_SCANS
-            || matches!(patience, Patience::Seconds(seconds) if self.newest_ns.saturating_sub(front.stamp_ns) as f64 * 1e-9 > seconds);
+            || matches!(patience, Patience::Seconds(most_s) if seconds(self.newest_ns.saturating_sub(front.stamp_ns)) > most_s);
         let sonar_done = front.answered || self.sonar_ended || self.sonar_passed >= front.seq;
         let camera_done = !with_camera || self.camera_ended || self.camera_ns >= front.stamp_ns;
         if !(overdue || sonar_done && camera_done) {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use geometry::Beam;
-use messages::Pose;
+use messages::{Pose, seconds};
 use nalgebra::{Vector2, Vector4};
 use serde::{Deserialize, Serialize};
 use tracking::{Measured, Motion};
@@ -154,7 +154,7 @@ impl Track {
 
     /// Goes on to a later time.
     pub(crate) fn predict(&mut self, stamp_ns: u64) {
-        let dt_s = stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9;
+        let dt_s = seconds(stamp_ns.saturating_sub(self.stamp_ns));
         if self.held {
             // He does not walk; where he was is known less and less.
             for axis in 0..2 {

@@ -1,6 +1,6 @@
 //! The service as a fold: [`State::step`] takes a frame and gives its answer.
 
-use messages::{Blob, CameraMotion, CameraStatus, FrameLayout, MAX_BLOBS};
+use messages::{Blob, CameraMotion, CameraStatus, FrameLayout, MAX_BLOBS, seconds};
 
 use crate::compensation::Found;
 use crate::components::Component;
@@ -111,7 +111,7 @@ impl State {
                 self.scene = None;
             }
             Some((_, scene)) if gap_ns > GAP_NS => {
-                remark = Remark::Gap { seconds: gap_ns as f64 * 1e-9 };
+                remark = Remark::Gap { seconds: seconds(gap_ns) };
                 scene.forget_motion();
             }
             _ => {}

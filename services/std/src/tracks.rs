@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use messages::seconds;
 use nalgebra::{Matrix2, Vector2, Vector4};
 use serde::{Deserialize, Serialize};
 use tracking::{Measured, Motion};
@@ -106,7 +107,7 @@ impl Tracks {
 
 impl Track {
     fn expected(&self, stamp_ns: u64) -> Motion {
-        self.motion.predict(stamp_ns.saturating_sub(self.stamp_ns) as f64 * 1e-9, ACCELERATION)
+        self.motion.predict(seconds(stamp_ns.saturating_sub(self.stamp_ns)), ACCELERATION)
     }
 
     fn support(&mut self, scan: u32, span_scans: u32, stamp_ns: u64, place_m: Vector2<f64>) -> Tracked {

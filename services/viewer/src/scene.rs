@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use messages::{
     CameraMotion, CameraStatus, FilterVerdict, Heartbeat, PlaybackControl, Pose, SonarMotion, SonarScan, TrackedWalker, TruthScan,
-    TruthSurfaces, Walkers,
+    TruthSurfaces, Walkers, seconds,
 };
 use serde::Serialize;
 
@@ -273,7 +273,7 @@ impl Scene {
     #[must_use]
     pub fn view(&self) -> SceneView {
         SceneView {
-            t: self.first_ns.map_or(0.0, |first_ns| seconds(first_ns, self.stamp_ns)),
+            t: self.first_ns.map_or(0.0, |first_ns| seconds(self.stamp_ns.saturating_sub(first_ns))),
             scans: self.scans,
             robot: self.first_ns.map(|_| [self.pose.x_m, self.pose.y_m, self.pose.yaw_rad]),
             cones: self.cones.values().map(|cone| cone.value).collect(),
@@ -292,7 +292,7 @@ impl Scene {
     /// Drops what is too old. A jump of the stamps, as between two drives, drops everything.
     fn expire(&mut self) {
         let now = self.stamp_ns;
-        let fresh = |stamp_ns: u64, shown_s: f64| seconds(stamp_ns, now) <= shown_s;
+        let fresh = |stamp_ns: u64, shown_s: f64| seconds(now.saturating_sub(stamp_ns)) <= shown_s;
         self.walkers.retain(|_, walker| fresh(walker.stamp_ns, WALKER_SHOWN_S));
         self.sonar_movers.retain(|mover| fresh(mover.stamp_ns, REGION_SHOWN_S));
         self.regions.retain(|region| fresh(region.stamp_ns, REGION_SHOWN_S));
@@ -312,10 +312,6 @@ fn walker_view(walker: &TrackedWalker) -> WalkerView {
 }
 
 /// Seconds from a stamp to a later one.
-fn seconds(from_ns: u64, to_ns: u64) -> f64 {
-    to_ns.saturating_sub(from_ns) as f64 * 1e-9
-}
-
 fn push_bounded<T>(queue: &mut VecDeque<T>, most: usize, value: T) {
     queue.push_back(value);
     if queue.len() > most {

@@ -6,7 +6,7 @@ mod parameters;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Recent, Writer};
-use messages::{CameraMotion, FilterVerdict, Replay, SonarMotion, SonarScan, VerdictOutlook, Walkers};
+use messages::{CameraMotion, FilterVerdict, Replay, SonarMotion, SonarScan, VerdictOutlook, Walkers, seconds};
 use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shell, Snapshot, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
@@ -306,7 +306,7 @@ impl Integration {
         // What waits may be what is missed.
         let known = self.missed.iter_mut().zip(missing).filter(|_| !more_waits);
         for ((missed, is_late), what) in known.zip(["sonar motion", "camera motion"]) {
-            match missed.look(is_late, context.elapsed_s(), self.missed_after_ns as f64 * 1e-9) {
+            match missed.look(is_late, context.elapsed_s(), seconds(self.missed_after_ns)) {
                 Some(News::Missed) => tracing::warn!("no {what}: verdicts rest on what is left"),
                 Some(News::Back) => tracing::info!("{what} is there again"),
                 None => {}

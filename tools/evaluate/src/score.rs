@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use geometry::{Cell, CellSize};
-use messages::{FilterVerdict, SonarMotion};
+use messages::{FilterVerdict, SonarMotion, seconds};
 use serde::Serialize;
 
 use crate::drive::Drive;
@@ -237,7 +237,7 @@ impl Detection {
     pub fn count(drive: &Drive, motions: &[SonarMotion], aside_rad: f64) -> Self {
         let (first, last) = (drive.scans.first(), drive.scans.last());
         let span_ns = first.zip(last).map_or(0, |(first, last)| last.stamp_ns.saturating_sub(first.stamp_ns));
-        let mut detection = Self { minutes: span_ns as f64 * 1e-9 / 60.0, ..Self::default() };
+        let mut detection = Self { minutes: seconds(span_ns) / 60.0, ..Self::default() };
         for (scan, motion) in drive.scans.iter().zip(motions) {
             let readings = scan.scan.readings().iter().zip(&scan.truth.readings).enumerate();
             let mut walkers = 0u32;

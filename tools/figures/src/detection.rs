@@ -1,6 +1,6 @@
 //! Fig. 5: what moves in the pictures of a camera that drives (section 5).
 
-use messages::{FrameLayout, PixelFormat, Pose};
+use messages::{FrameLayout, PixelFormat, Pose, seconds};
 use sbs::{Frame, Parameters, State};
 use simulator::camera::{Camera, Flaws, LABEL_WALKER, Picture};
 use simulator::{Optics, World};
@@ -81,7 +81,7 @@ fn moments() -> Result<Vec<Moment>, Error> {
         }
         not_before = number + APART_FRAMES;
         moments.push(Moment {
-            time_s: stamp_ns as f64 * 1e-9,
+            time_s: seconds(stamp_ns),
             picture: seen.grey.clone(),
             background: sbs.background().ok_or("a background")?.values().to_vec(),
             common,

@@ -1,6 +1,6 @@
 //! Fig. 3 of section 5: the values of one pixel over time, and the mixture that EM learns from them (eq. 4).
 
-use messages::Pose;
+use messages::{Pose, seconds};
 use sbs::mixture::{EmRule, GREY_LEVELS, learn};
 use simulator::World;
 use simulator::camera::{Camera, Flaws, LABEL_SHADOW, LABEL_WALKER, Moment, Picture};
@@ -66,7 +66,7 @@ fn pixel_process() -> Result<Vec<f64>, Error> {
     let mut pictures = Vec::with_capacity(FRAMES);
     let mut shown: Vec<[u32; 2]> = Vec::new();
     for number in 1..=FRAMES as u64 {
-        let time_s = camera.stamp_ns(number) as f64 * 1e-9;
+        let time_s = seconds(camera.stamp_ns(number));
         camera.take_from(number, &Moment { time_s, robot: PLACE, covered_m: 0.0 }, &mut picture);
         shown.resize(picture.labels.len(), [0, 0]);
         for (counts, label) in shown.iter_mut().zip(&picture.labels) {
