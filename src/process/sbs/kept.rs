@@ -1,23 +1,16 @@
 //! What the process keeps between its incarnations.
 
 use bus::Recent;
-use messages::CameraMotion;
+use messages::{CameraMotion, StreamCursor};
 use runtime::Checkpoint;
 
 use ::sbs::{CheckpointError, Parameters, State};
-
-/// Number and stamp of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Place {
-    pub(super) seq: u64,
-    pub(super) stamp_ns: u64,
-}
 
 /// What a checkpoint keeps.
 pub(super) struct Kept {
     pub(super) state: State,
     /// Of the last frame that was answered.
-    pub(super) place: Place,
+    pub(super) place: StreamCursor,
     /// The last answers.
     pub(super) recent: Recent<CameraMotion>,
 }
@@ -30,7 +23,7 @@ impl Kept {
                 tracing::info!("goes on after frame {}", kept.place.seq);
                 kept
             }
-            None => Self { state: State::new(parameters), place: Place::default(), recent: Recent::default() },
+            None => Self { state: State::new(parameters), place: StreamCursor::default(), recent: Recent::default() },
         }
     }
 
@@ -42,7 +35,7 @@ impl Kept {
         let length = usize::try_from(length).unwrap_or(usize::MAX);
         let (recent, state) = rest.split_at_checked(length).ok_or_else(|| short(length))?;
         let recent = Recent::from_bytes(recent).ok_or(CheckpointError::Value { offset: 24 + length, what: "the last answers" })?;
-        Ok(Self { state: State::restore(parameters, state)?, place: Place { seq, stamp_ns }, recent })
+        Ok(Self { state: State::restore(parameters, state)?, place: StreamCursor { seq, stamp_ns }, recent })
     }
 
     /// Appends it as bytes, for the next incarnation.
@@ -54,7 +47,7 @@ impl Kept {
     }
 
     /// Takes note of an answer.
-    pub(super) fn answered(&mut self, place: Place, motion: &CameraMotion) {
+    pub(super) fn answered(&mut self, place: StreamCursor, motion: &CameraMotion) {
         self.place = place;
         self.recent.note(place.seq, place.stamp_ns, motion);
     }

@@ -5,7 +5,7 @@ mod parameters;
 mod remarks;
 
 use bus::{BusError, FrameReader, FrameWriter, Received, Writer};
-use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat, Replay};
+use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat, Replay, StreamCursor};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
 use settings::{BuiltIn, Pace, Settings};
 
@@ -13,7 +13,7 @@ use ::sbs::plane::Plane;
 use ::sbs::transform::Transform;
 use ::sbs::{Frame, Remark};
 
-use kept::{Kept, Place};
+use kept::Kept;
 pub(crate) use parameters::parameters;
 use remarks::Remarks;
 
@@ -122,7 +122,7 @@ impl Subtraction {
             if is_before {
                 // What follows must not seem to run backwards because this one does.
                 let stamp_ns = refused.stamp_ns.max(self.kept.place.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
-                self.refuse(Place { seq: refused.seq, stamp_ns }, &refused.problem)?;
+                self.refuse(StreamCursor { seq: refused.seq, stamp_ns }, &refused.problem)?;
             }
         }
         let Some(frame) = frame else { return Ok(false) };
@@ -144,7 +144,7 @@ impl Subtraction {
     }
 
     fn answer(&mut self, frame: &bus::Frame<CameraFrame>) -> Result<(), StepError> {
-        let place = Place { seq: frame.seq(), stamp_ns: frame.stamp_ns() };
+        let place = StreamCursor { seq: frame.seq(), stamp_ns: frame.stamp_ns() };
         let answer =
             self.kept.state.step(&Frame { stamp_ns: place.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
         if let Some(words) = self.remarks.answered(place.seq, &answer) {
@@ -162,7 +162,7 @@ impl Subtraction {
     }
 
     /// Answers a frame whose shape or time cannot be meant.
-    fn refuse(&mut self, place: Place, problem: &str) -> Result<(), StepError> {
+    fn refuse(&mut self, place: StreamCursor, problem: &str) -> Result<(), StepError> {
         if let Some(words) = self.remarks.refused(place.seq, problem) {
             tracing::warn!("{words}");
         }
@@ -172,7 +172,7 @@ impl Subtraction {
         Ok(self.send(place, motion)?)
     }
 
-    fn send(&mut self, place: Place, motion: CameraMotion) -> Result<(), BusError> {
+    fn send(&mut self, place: StreamCursor, motion: CameraMotion) -> Result<(), BusError> {
         self.motions.send(place.seq, place.stamp_ns, &motion)?;
         self.counts.answered += 1;
         self.kept.answered(place, &motion);
@@ -181,7 +181,7 @@ impl Subtraction {
 
     /// Sends pictures to whoever looks.
     fn show(&mut self) -> Result<(), BusError> {
-        let Place { seq, stamp_ns } = self.kept.place;
+        let StreamCursor { seq, stamp_ns } = self.kept.place;
         if self.masks.is_read()
             && let Some(mask) = self.kept.state.mask()
         {
@@ -206,7 +206,7 @@ impl Subtraction {
 
     fn finish(&mut self) -> Result<(), StepError> {
         self.save()?;
-        let Place { seq, stamp_ns } = self.kept.place;
+        let StreamCursor { seq, stamp_ns } = self.kept.place;
         self.motions.end(seq, stamp_ns)?;
         self.masks.end(seq, stamp_ns)?;
         self.backgrounds.end(seq, stamp_ns)?;

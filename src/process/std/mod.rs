@@ -3,9 +3,8 @@
 mod parameters;
 
 use bus::{BusError, Reader, Received, Recent, Writer};
-use messages::{Replay, SonarMotion, SonarScan};
+use messages::{Replay, SonarMotion, SonarScan, StreamCursor};
 use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
-use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Settings};
 use stillmap_std::{Parameters, ParametersError, StateError, Std};
 
@@ -38,7 +37,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let restored = checkpoint.restore(|saved| restore(parameters, saved.state));
     let (std, place, recent) = match restored {
         Some(restored) => restored,
-        None => (Std::new(parameters)?, Place::default(), Recent::default()),
+        None => (Std::new(parameters)?, StreamCursor::default(), Recent::default()),
     };
     if place.seq > 0 {
         tracing::info!("goes on after scan {}", place.seq);
@@ -61,20 +60,14 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     })?)
 }
 
-/// The last scan that was answered.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
-struct Place {
-    seq: u64,
-    stamp_ns: u64,
-}
-
 struct Difference {
     std: Std,
     scans: Reader<SonarScan>,
     motions: Writer<SonarMotion>,
     recent: Recent<SonarMotion>,
     checkpoint: Checkpoint,
-    place: Place,
+    /// The last scan that was answered.
+    place: StreamCursor,
     /// Last scan that the checkpoint includes.
     checkpointed: u64,
     moving_scans: u64,
@@ -91,7 +84,7 @@ impl Process for Difference {
                     break;
                 }
                 Some(Received::Message(scan)) => {
-                    self.place = Place { seq: scan.seq(), stamp_ns: scan.stamp_ns() };
+                    self.place = StreamCursor { seq: scan.seq(), stamp_ns: scan.stamp_ns() };
                     self.answer(&scan)?;
                 }
                 Some(Received::End { .. }) => {
@@ -118,7 +111,7 @@ impl Process for Difference {
 
 impl Difference {
     fn answer(&mut self, scan: &SonarScan) -> Result<(), StepError> {
-        let Place { seq, stamp_ns } = self.place;
+        let StreamCursor { seq, stamp_ns } = self.place;
         let motion = self.std.step(stamp_ns, scan);
         self.moving_scans += u64::from(motion.count > 0);
         self.movers += u64::from(motion.count);
@@ -131,15 +124,15 @@ impl Difference {
     }
 
     fn save(&mut self) -> Result<(), StepError> {
-        let bytes = postcard::to_allocvec(&(self.place, self.recent.to_bytes(), self.std.to_bytes()))?;
+        let bytes = postcard::to_allocvec(&((self.place.seq, self.place.stamp_ns), self.recent.to_bytes(), self.std.to_bytes()))?;
         self.checkpoint.save(&bytes);
         self.checkpointed = self.place.seq;
         Ok(())
     }
 }
 
-fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Place, Recent<SonarMotion>), StateError> {
-    let (place, recent, state): (Place, Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, StreamCursor, Recent<SonarMotion>), StateError> {
+    let ((seq, stamp_ns), recent, state): ((u64, u64), Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    Ok((Std::from_bytes(parameters, &state)?, place, recent))
+    Ok((Std::from_bytes(parameters, &state)?, StreamCursor { seq, stamp_ns }, recent))
 }
