@@ -2,6 +2,7 @@
 //!
 //! A module here is the wiring of one process: streams in, the algorithm's step, streams out.
 
+mod camera;
 pub mod fti;
 pub mod mapping;
 mod pioneer;

@@ -15,22 +15,22 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod abi;
+mod clock;
 mod coding;
 mod controls;
 mod device;
 mod list;
-mod process;
 mod session;
 mod snapshot;
 mod stream;
 mod trouble;
 mod wish;
 
+pub use clock::monotonic_ns;
 pub use coding::{Coding, Damage, FourCc, Shape};
 pub use controls::{ControlInfo, ControlSetting, ControlTrouble, Held};
 pub use device::{Device, Identity};
 pub use list::{Offer, OfferedFormat, devices, offer};
-pub use process::{CameraError, run};
 pub use session::{Counters, Event, Input, Limits, Output, Place, Session};
 pub use snapshot::{Snapshot, SnapshotError, snapshot};
 pub use stream::{About, Frame, Stream};

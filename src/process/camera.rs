@@ -4,17 +4,12 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use bus::{BusError, FrameWriter};
+use ::camera::{Camera, Coding, Damage, Event, Given, Held, Input, Limits, Output, Place, Session, Trouble, Wish, monotonic_ns};
+use anyhow::Result;
+use bus::FrameWriter;
 use messages::{CameraFrame, FrameLayout, PixelFormat};
-use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
-use rustix::time::{ClockId, clock_gettime};
+use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, CameraFormat, Settings};
-
-use crate::coding::{Coding, Damage};
-use crate::controls::Held;
-use crate::session::{Event, Input, Limits, Output, Place, Session};
-use crate::trouble::Trouble;
-use crate::wish::{Camera, Given, Wish};
 
 /// Most pictures taken in one step: as many as the device has buffers.
 const MOST_AT_ONCE: usize = 4;
@@ -22,43 +17,29 @@ const MOST_AT_ONCE: usize = 4;
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// Why the driver ended that should not have. No state of the camera is among it: those are waited for.
-#[derive(Debug, thiserror::Error)]
-pub enum CameraError {
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
-
-impl Wish {
-    /// What the settings ask of the camera.
-    #[must_use]
-    pub fn of_settings(settings: &settings::Camera) -> Self {
-        let codings = match settings.format {
-            CameraFormat::Any => Coding::ALL.to_vec(),
-            CameraFormat::Grey => vec![Coding::Grey],
-            CameraFormat::Yuyv => vec![Coding::Yuyv],
-            CameraFormat::Mjpg => vec![Coding::Mjpg],
-        };
-        let held = Held {
-            exposure_us: settings.exposure_us.map(|exposure| exposure.get()),
-            gain: settings.gain.map(|gain| gain.get()),
-            white_balance_k: settings.white_balance_k.map(|kelvin| kelvin.get()),
-            others: settings.control.iter().map(|control| (control.name.clone(), control.value.get())).collect(),
-        };
-        let size = (settings.width.get(), settings.height.get());
-        Self { size, rate_hz: settings.rate_hz.get(), codings, input: settings.input.map(|input| input.get()), held }
-    }
+/// What the settings ask of the camera.
+fn wish(settings: &settings::Camera) -> Wish {
+    let codings = match settings.format {
+        CameraFormat::Any => Coding::ALL.to_vec(),
+        CameraFormat::Grey => vec![Coding::Grey],
+        CameraFormat::Yuyv => vec![Coding::Yuyv],
+        CameraFormat::Mjpg => vec![Coding::Mjpg],
+    };
+    let held = Held {
+        exposure_us: settings.exposure_us.map(|exposure| exposure.get()),
+        gain: settings.gain.map(|gain| gain.get()),
+        white_balance_k: settings.white_balance_k.map(|kelvin| kelvin.get()),
+        others: settings.control.iter().map(|control| (control.name.clone(), control.value.get())).collect(),
+    };
+    let size = (settings.width.get(), settings.height.get());
+    Wish { size, rate_hz: settings.rate_hz.get(), codings, input: settings.input.map(|input| input.get()), held }
 }
 
 /// Runs the driver until it is told to stop.
 ///
 /// # Errors
 /// When the bus fails.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
     let last = checkpoint.restore(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
@@ -66,7 +47,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), CameraError> {
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),
-        wish: Wish::of_settings(&settings.camera),
+        wish: wish(&settings.camera),
         camera: None,
         given: None,
         session: Session::new(limits, speed, last),
@@ -132,7 +113,7 @@ impl Process {
         if about.damaged {
             return Ok(Some(Input::Picture(about.sequence, Err(Damage::Marked))));
         }
-        let place = self.session.next_place(&about, now_ns, clock_ns());
+        let place = self.session.next_place(&about, now_ns, monotonic_ns());
         // Before the picture leaves: after a kill at any moment no number is given twice.
         self.checkpoint.save(place.as_bytes());
         let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
@@ -199,10 +180,4 @@ impl Process {
             context.count(name, value);
         }
     }
-}
-
-/// The monotonic clock, by which a camera says when it took a picture.
-fn clock_ns() -> u64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs()
 }
