@@ -6,6 +6,7 @@ mod camera;
 pub mod fti;
 pub mod mapping;
 mod pioneer;
+mod playback;
 pub mod sbs;
 pub mod std;
 

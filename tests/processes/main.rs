@@ -4,6 +4,7 @@
 
 mod mapping;
 mod pioneer;
+mod playback;
 mod sbs;
 #[path = "../../services/sbs/tests/common/wall.rs"]
 mod wall;

@@ -8,15 +8,12 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod answers;
-mod lane;
-mod process;
 mod resume;
 mod schedule;
 mod turn;
 mod window;
 
 pub use answers::{Answers, Consumer};
-pub use process::{PlaybackError, run};
 pub use resume::{Resume, STREAMS, Stream};
 pub use schedule::Schedule;
 pub use turn::{Head, Turn, turn};

@@ -1,16 +1,13 @@
 //! One stream on its way from the log to the bus.
 
+use ::playback::{Answers, Head, Window};
 use bus::{BusError, FrameWriter, Writer};
 use drivelog::{Entry, Image, Log, LogError, Logged};
 use messages::Pictures;
 use runtime::StepError;
 
-use crate::answers::Answers;
-use crate::turn::Head;
-use crate::window::Window;
-
 /// Messages of the log that can be sent, one after the other.
-pub(crate) trait Source {
+pub(super) trait Source {
     /// Number and stamp of the message that comes next; `None` at the end of the stream.
     fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError>;
 
@@ -25,13 +22,13 @@ pub(crate) trait Source {
 }
 
 /// A reading of the log that stops at each entry of one stream.
-pub(crate) struct Cursor<T> {
+pub(super) struct Cursor<T> {
     log: Log,
     next: Option<Entry<T>>,
 }
 
 impl<T> Cursor<T> {
-    pub(crate) fn new(log: Log) -> Self {
+    pub(super) fn new(log: Log) -> Self {
         Self { log, next: None }
     }
 
@@ -50,9 +47,9 @@ impl<T> Cursor<T> {
 }
 
 /// Messages of a service.
-pub(crate) struct Messages<T: Logged> {
-    pub(crate) cursor: Cursor<T>,
-    pub(crate) writer: Writer<T>,
+pub(super) struct Messages<T: Logged> {
+    pub(super) cursor: Cursor<T>,
+    pub(super) writer: Writer<T>,
 }
 
 impl<T: Logged> Source for Messages<T> {
@@ -77,9 +74,9 @@ impl<T: Logged> Source for Messages<T> {
 }
 
 /// Pictures of a service.
-pub(crate) struct Images<P: Pictures> {
-    pub(crate) cursor: Cursor<Image>,
-    pub(crate) writer: FrameWriter<P>,
+pub(super) struct Images<P: Pictures> {
+    pub(super) cursor: Cursor<Image>,
+    pub(super) writer: FrameWriter<P>,
 }
 
 impl<P: Pictures> Source for Images<P> {
@@ -104,29 +101,29 @@ impl<P: Pictures> Source for Images<P> {
 }
 
 /// A stream with those who consume it.
-pub(crate) struct Lane {
-    pub(crate) source: Box<dyn Source>,
-    /// Its place among the streams of [`Resume`](crate::Resume).
-    pub(crate) stream: usize,
-    pub(crate) service: &'static str,
+pub(super) struct Lane {
+    pub(super) source: Box<dyn Source>,
+    /// Its place among the streams of [`Resume`](::playback::Resume).
+    pub(super) stream: usize,
+    pub(super) service: &'static str,
     /// Nobody lacks this message or one before it.
-    pub(crate) begin_behind: u64,
+    pub(super) begin_behind: u64,
     /// What a consumer has answered that has not said so.
-    pub(crate) assumed: u64,
-    pub(crate) answers: Answers,
+    pub(super) assumed: u64,
+    pub(super) answers: Answers,
     /// `None` live.
-    pub(crate) window: Option<Window>,
+    pub(super) window: Option<Window>,
     /// Size of the window once every consumer has said how far it is.
-    pub(crate) size: u32,
+    pub(super) size: u32,
     /// Number and stamp of the last message that was passed.
-    pub(crate) last: (u64, u64),
-    pub(crate) sent: u64,
-    pub(crate) ended: bool,
+    pub(super) last: (u64, u64),
+    pub(super) sent: u64,
+    pub(super) ended: bool,
 }
 
 impl Lane {
     /// Takes account of what its consumers have answered.
-    pub(crate) fn heed_answers(&mut self) {
+    pub(super) fn heed_answers(&mut self) {
         let Some(window) = &mut self.window else { return };
         if !self.answers.lack_one() {
             window.resize(self.size);
@@ -136,12 +133,12 @@ impl Lane {
     }
 
     /// Whether its consumers have to answer before it may send.
-    pub(crate) fn is_held(&self) -> bool {
+    pub(super) fn is_held(&self) -> bool {
         !self.ended && self.window.as_ref().is_some_and(|window| !window.has_room())
     }
 
     /// Its next message; says its end when there is none.
-    pub(crate) fn head(&mut self) -> Result<Option<Head>, StepError> {
+    pub(super) fn head(&mut self) -> Result<Option<Head>, StepError> {
         if self.ended {
             return Ok(None);
         }
@@ -159,13 +156,13 @@ impl Lane {
     }
 
     /// Passes over its next message, which has this number and stamp.
-    pub(crate) fn pass_over(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+    pub(super) fn pass_over(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
         self.last = (seq, stamp_ns);
         self.source.pass(false)
     }
 
     /// Sends its next message, which has this number and stamp.
-    pub(crate) fn send(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+    pub(super) fn send(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
         self.source.pass(true)?;
         if let Some(window) = &mut self.window {
             window.sent(seq);
@@ -175,7 +172,7 @@ impl Lane {
         Ok(())
     }
 
-    pub(crate) fn end(&mut self) -> Result<(), BusError> {
+    pub(super) fn end(&mut self) -> Result<(), BusError> {
         if !self.ended {
             self.source.end(self.last.0, self.last.1)?;
             self.ended = true;

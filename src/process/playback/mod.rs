@@ -1,19 +1,17 @@
 //! Playback as a process: from the log to the bus.
 
+mod lane;
+
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Reader, Received};
-use drivelog::{Log, LogError};
+use ::playback::{Answers, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
+use anyhow::Result;
+use bus::{Reader, Received};
+use drivelog::Log;
+use lane::{Cursor, Images, Lane, Messages, Source};
 use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
-use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
+use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
-
-use crate::answers::{Answers, Consumer};
-use crate::lane::{Cursor, Images, Lane, Messages, Source};
-use crate::resume::{Resume, STREAMS};
-use crate::schedule::Schedule;
-use crate::turn::{Turn, turn};
-use crate::window::Window;
 
 /// Most entries of the log looked at in one step: the heartbeat must not wait for a long log.
 const MOST_AT_ONCE: usize = 1024;
@@ -22,25 +20,11 @@ const LONG_WAIT: Duration = Duration::from_secs(10);
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// Why playback ended that should not have.
-#[derive(Debug, thiserror::Error)]
-pub enum PlaybackError {
-    /// The log cannot be read.
-    #[error("{0}")]
-    Log(#[from] LogError),
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work; at a damaged log, too, whose error is then the source.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
-
 /// Plays the log of the settings to its end.
 ///
 /// # Errors
 /// When the log cannot be read or the bus fails.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let log = Log::open(&settings.playback.log)?;
     tracing::info!("playing {}: {}", settings.playback.log.display(), log.preamble().origin);
     let membership = shell.membership();
@@ -71,7 +55,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), PlaybackError> {
 
 /// The streams that are played. Each has a reading of the log of its own: what is recorded together need not stand in the
 /// order of sensor time.
-fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, restarted: bool) -> Result<Vec<Lane>, PlaybackError> {
+fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, restarted: bool) -> Result<Vec<Lane>> {
     let lane = |stream: usize, source: Box<dyn Source>, service: Service, window: u32, consumers: Vec<Consumer>| Lane {
         source,
         stream,
@@ -205,7 +189,7 @@ impl Playback {
     fn play(&mut self, context: &Context<'_>) -> Result<Next, StepError> {
         self.lanes.iter_mut().for_each(Lane::heed_answers);
         for _ in 0..MOST_AT_ONCE {
-            let heads = self.lanes.iter_mut().map(Lane::head).collect::<Result<Vec<_>, _>>()?;
+            let heads = self.lanes.iter_mut().map(Lane::head).collect::<Result<Vec<_>, StepError>>()?;
             let lane = match turn(&heads) {
                 Turn::Of(lane) => lane,
                 Turn::Hold => return Ok(Next::Wait),

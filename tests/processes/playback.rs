@@ -1,12 +1,10 @@
 //! The process on a bus of its own: scans and frames of a log come in the order of sensor time, lockstep waits for both.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use bus::{Domain, FrameReader, Membership, Reader, Received, Writer};
+use bus::{Domain, FrameReader, Reader, Received, Writer};
 use drivelog::{Preamble, Recording};
 use messages::{CameraFrame, CameraMotion, FrameLayout, Payload, Pictures, PixelFormat, Pose, Progress, SonarScan, Text};
 use runtime::Shell;
@@ -15,17 +13,6 @@ const SCANS: u64 = 40;
 const FRAMES: u64 = 70;
 /// Frames that lockstep has on the way.
 const FRAME_WINDOW: u64 = messages::Replay::FRAMES.window as u64;
-
-/// Not a test of its own: the process that the tests start and kill, told by its environment where it belongs.
-#[test]
-fn the_process() {
-    if std::env::var_os("STILLMAP_DOMAIN").is_none() {
-        return;
-    }
-    let membership = Membership::from_env().unwrap();
-    let settings = settings::Settings::read(membership.settings_path()).unwrap();
-    stillmap_playback::run(Shell::join(membership).unwrap(), &settings).unwrap();
-}
 
 fn scan_stamp(seq: u64) -> u64 {
     1_000_000 * (100 + seq * 100)
@@ -95,8 +82,8 @@ impl Bench {
 
     fn start(&mut self, incarnation: u32) {
         let membership = self.domain.membership_for("playback", incarnation, &self.folder.path().join("settings.toml"));
-        let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "the_process", "--nocapture"]).envs(membership.environment()).stdout(Stdio::null());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+        command.args(["process", "playback"]).envs(membership.environment()).stdout(Stdio::null());
         self.process = Some(command.spawn().unwrap());
     }
 
