@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::robot;
-use ::pioneer::{Checkpoint, Command, Input, Output, Parameters, Port, Session, words};
+use ::pioneer::{Checkpoint, Command, Factors, Input, Output, Parameters, Port, Session, words};
 use anyhow::Result;
 use bus::Writer;
 use messages::SonarScan;
@@ -39,17 +39,22 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     if let Some(kept) = &kept {
         scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
     }
-    let session = Session::new(parameters(&settings.robot, &settings.pioneer)?.at_speed(speed), kept);
+    let session = Session::new(parameters(&settings.robot, &settings.pioneer).at_speed(speed), kept);
     let simulated = settings.pioneer.port == PortSetting::Simulator;
     let mut process = Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, speed };
     Ok(shell.run(&mut process)?)
 }
 
 /// The driver's parameters in a deployment that runs as fast as the wall clock.
-fn parameters(robot: &settings::Robot, pioneer: &settings::Pioneer) -> Result<Parameters> {
-    Ok(Parameters {
-        model: robot::model(robot.model)?,
-        ring: if robot.sonar.is_empty() { None } else { Some(robot::sonars(robot)?) },
+fn parameters(robot: &settings::Robot, pioneer: &settings::Pioneer) -> Parameters {
+    Parameters {
+        model: robot.model.get(),
+        factors: Factors {
+            distance_mm: robot.distance_unit_mm.map(|unit| unit.get()),
+            range_mm: robot.range_unit_mm.map(|unit| unit.get()),
+            heading_units: robot.heading_units.and_then(|units| u16::try_from(units.get()).ok()),
+        },
+        ring: if robot.sonar.is_empty() { None } else { Some(robot::sonars(robot)) },
         range_limit_m: robot.range_limit_m.get(),
         odometry_modulus: robot.odometry_modulus.get(),
         bauds: pioneer.bauds.iter().map(|baud| baud.get()).collect(),
@@ -58,7 +63,7 @@ fn parameters(robot: &settings::Robot, pioneer: &settings::Pioneer) -> Result<Pa
         speed_limit_m_s: pioneer.speed_limit_m_s.get(),
         turn_limit_rad_s: pioneer.turn_limit_rad_s.get(),
         ..Parameters::default()
-    })
+    }
 }
 
 fn nanoseconds(seconds: f64) -> u64 {
@@ -230,6 +235,9 @@ impl Process {
             ("refused odometry", refusals.odometry),
             ("refused readings", refusals.readings),
             ("repeated readings", refusals.repeated),
+            ("duplicate packets", self.session.duplicates()),
+            ("lost packets", self.session.lost_packets()),
+            ("doubtful gaps", self.session.doubtful_poses()),
             ("reconnects", self.session.reconnects()),
             ("packet interval us", (rhythm.interval_s * 1e6) as u64),
             ("packet jitter us", (rhythm.jitter_s * 1e6) as u64),
@@ -245,6 +253,6 @@ mod tests {
 
     #[test]
     fn default_settings_are_the_drivers_default_parameters() {
-        assert_eq!(parameters(&settings::Robot::default(), &settings::Pioneer::default()).unwrap(), Parameters::default());
+        assert_eq!(parameters(&settings::Robot::default(), &settings::Pioneer::default()), Parameters::default());
     }
 }

@@ -17,10 +17,12 @@ mod command;
 mod frame;
 mod identity;
 mod model;
+mod robots;
 mod sip;
 
 pub use command::{Argument, Command, CommandError, number};
 pub use frame::{Deframer, Frame, FrameError, HEADER, LinkCounters, MAX_DATA, checksum, encode_frame};
 pub use identity::{Identity, IdentityError};
-pub use model::{MODELS, Model, Mount, System};
+pub use model::{Model, Mount, System};
+pub use robots::MODELS;
 pub use sip::{MOVING, RawReading, STOPPED, Sip, SipError};

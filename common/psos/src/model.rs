@@ -1,9 +1,7 @@
-//! The robots as data: the factors that turn a packet's numbers into metres and radians, the sonar ring, the dimensions.
-//!
-//! Figures: parameter files of the robots' own client library (`pion1m.p`, `pionat.p`, `p2dx.p`, `p3dx.p`, `p3dx-sh.p`; `psos43m.p` and
-//! `p2d8.p` hold the same figures as `pion1m.p` and `p3dx.p`).
+//! What is known of a type of robot: the factors that turn a packet's numbers into metres and radians, the sonar ring, the dimensions.
 
 use crate::identity::Identity;
+use crate::robots::MODELS;
 
 /// Where one sonar sits and looks, in the robot frame (x forward, y left, counter-clockwise).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,9 +26,9 @@ pub enum System {
 /// What stillmap knows of a kind of robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// As in the settings: `pioneer-1`, `pioneer-at`, `p2-dx`, `p3-dx`, `p3-dx-sh`.
+    /// Its own name in the settings: `pioneer-1`, `p3-dx`, `p3-at` …
     pub name: &'static str,
-    /// Subclasses by which such robots name themselves.
+    /// Its other names: subclasses by which such robots name themselves, the most usual first.
     pub subclasses: &'static [&'static str],
     /// What answers.
     pub system: System,
@@ -52,88 +50,40 @@ pub struct Model {
     pub ring: &'static [Mount],
 }
 
-const fn mount(x_mm: f64, y_mm: f64, heading_deg: f64) -> Mount {
+pub(crate) const fn mount(x_mm: f64, y_mm: f64, heading_deg: f64) -> Mount {
     Mount { x_mm, y_mm, heading_deg }
 }
 
-const PIONEER_1_RING: [Mount; 7] = [
-    mount(100.0, 100.0, 90.0),
-    mount(120.0, 80.0, 30.0),
-    mount(130.0, 40.0, 15.0),
-    mount(130.0, 0.0, 0.0),
-    mount(130.0, -40.0, -15.0),
-    mount(120.0, -80.0, -30.0),
-    mount(100.0, -100.0, -90.0),
-];
-
-const DX_RING: [Mount; 16] = [
-    mount(69.0, 136.0, 90.0),
-    mount(114.0, 119.0, 50.0),
-    mount(148.0, 78.0, 30.0),
-    mount(166.0, 27.0, 10.0),
-    mount(166.0, -27.0, -10.0),
-    mount(148.0, -78.0, -30.0),
-    mount(114.0, -119.0, -50.0),
-    mount(69.0, -136.0, -90.0),
-    mount(-157.0, -136.0, -90.0),
-    mount(-203.0, -119.0, -130.0),
-    mount(-237.0, -78.0, -150.0),
-    mount(-255.0, -27.0, -170.0),
-    mount(-255.0, 27.0, 170.0),
-    mount(-237.0, 78.0, 150.0),
-    mount(-203.0, 119.0, 130.0),
-    mount(-157.0, 136.0, 90.0),
-];
-
-const PIONEER_1: Model = Model {
-    name: "pioneer-1",
-    subclasses: &["psos", "pion1m", "pion1x", "psos1m", "psos1x", "psos43m"],
-    system: System::Psos,
-    heading_units: 1024,
-    distance_mm: 0.05066,
-    velocity_mm_s: 2.5332,
-    range_mm: 0.1734,
-    radius_mm: 220.0,
-    width_mm: 400.0,
-    length_mm: 500.0,
-    ring: &PIONEER_1_RING,
-};
-
-const PIONEER_AT: Model = Model { name: "pioneer-at", subclasses: &["pionat"], distance_mm: 0.07, radius_mm: 330.0, ..PIONEER_1 };
-
-const P3_DX: Model = Model {
-    name: "p3-dx",
-    subclasses: &["p3dx", "p2d8"],
-    system: System::P2os,
-    heading_units: 4096,
-    distance_mm: 0.485,
-    velocity_mm_s: 1.0,
-    range_mm: 1.0,
-    radius_mm: 250.0,
-    width_mm: 425.0,
-    length_mm: 511.0,
-    ring: &DX_RING,
-};
-
-const P2_DX: Model = Model { name: "p2-dx", subclasses: &["p2dx"], distance_mm: 0.84, range_mm: 0.268, ..P3_DX };
-
-/// The later P3-DX with an SH-2 controller: the same body, but it counts in millimetres.
-const P3_DX_SH: Model = Model { name: "p3-dx-sh", subclasses: &["p3dx-sh"], distance_mm: 1.0, ..P3_DX };
-
-/// The robots that stillmap knows.
-pub static MODELS: [Model; 5] = [PIONEER_1, PIONEER_AT, P2_DX, P3_DX, P3_DX_SH];
+impl Mount {
+    /// Whether no sonar sits here: some rings leave numbers out.
+    #[must_use]
+    pub fn is_absent(&self) -> bool {
+        (self.x_mm, self.y_mm, self.heading_deg) == (0.0, 0.0, -180.0)
+    }
+}
 
 impl Model {
-    /// The model of that name in the settings.
+    /// The model of that name, or of that subclass. Letter case is no matter.
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
-        MODELS.iter().find(|model| model.name == name)
+        MODELS.iter().find(|model| model.names().any(|known| known.eq_ignore_ascii_case(name)))
     }
 
-    /// The model of a robot that says who it is; `None` for one that stillmap has no factors for. Letter case is no matter.
+    /// The model of a robot that says who it is; `None` for one that stillmap has no factors for.
     #[must_use]
     pub fn of(identity: &Identity) -> Option<&'static Self> {
-        MODELS.iter().find(|model| model.subclasses.iter().any(|known| known.eq_ignore_ascii_case(&identity.subclass)))
+        Self::named(&identity.subclass)
+    }
+
+    /// All of its names, its own first.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        [self.name].into_iter().chain(self.subclasses.iter().copied())
+    }
+
+    /// The subclass by which such a robot names itself.
+    #[must_use]
+    pub fn subclass(&self) -> &'static str {
+        self.subclasses.first().unwrap_or(&self.name)
     }
 
     /// Radians per unit of the heading.
@@ -161,13 +111,38 @@ mod tests {
         check("pionat", Some("pioneer-at"));
         check("p2dx", Some("p2-dx"));
         check("p3dx", Some("p3-dx"));
-        check("p3dx-sh", Some("p3-dx-sh"));
+        for (subclass, name) in [
+            ("p3dx-sh-lms1xx", "p3-dx-sh"),
+            ("p2d8+", "p3-dx"),
+            ("p3at", "p3-at"),
+            ("P2AT", "p2-at"),
+            ("amigo", "amigobot"),
+            ("perfpb", "peoplebot"),
+            ("patrolbot-sh", "patrolbot"),
+            ("powerbot", "powerbot"),
+            ("seekurjr", "seekurjr"),
+        ] {
+            check(subclass, Some(name));
+        }
     }
 
     #[test]
     fn an_unknown_robot_has_no_factors() {
-        for subclass in ["", "p3at", "p2", "p3dx-", "pioneer"] {
+        for subclass in ["", "p4", "p2", "p3dx-", "pioneer"] {
             check(subclass, None);
+        }
+    }
+
+    #[test]
+    fn every_public_type_is_known_and_no_name_is_given_twice() {
+        let names: Vec<_> = MODELS.iter().flat_map(Model::names).collect();
+        let mut single: Vec<_> = names.iter().map(|name| name.to_ascii_lowercase()).collect();
+        single.sort();
+        single.dedup();
+        assert_eq!(single.len(), names.len(), "{names:?}");
+        assert!(names.len() >= 49, "{}", names.len());
+        for model in &MODELS {
+            assert!(model.ring.len() <= 32 && model.distance_mm > 0.0 && model.range_mm > 0.0, "{}", model.name);
         }
     }
 
@@ -182,8 +157,9 @@ mod tests {
 
     #[test]
     fn rings_are_mirrored_left_to_right() {
-        for model in &MODELS {
-            for mount in model.ring {
+        // The published ring of the AmigoBot with an SH-2 controller is not symmetrical by 5 mm.
+        for model in MODELS.iter().filter(|model| model.name != "amigobot-sh") {
+            for mount in model.ring.iter().filter(|mount| !mount.is_absent()) {
                 let mirrored = Mount { y_mm: -mount.y_mm, heading_deg: -mount.heading_deg, ..*mount };
                 assert!(model.ring.contains(&mirrored), "{} {mount:?}", model.name);
             }

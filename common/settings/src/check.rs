@@ -9,7 +9,7 @@ use crate::{BuiltIn, Disturbance, Pace, Port, Program, Provides, RoutedService, 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;
 /// Most sonars of a ring.
-pub const MAX_SONARS: usize = 16;
+pub const MAX_SONARS: usize = 32;
 /// Most faults of a deployment.
 pub const MAX_FAULTS: usize = 64;
 

@@ -70,7 +70,7 @@ pub use playback::{Playback, Window};
 pub use programs::{BuiltIn, Process, Program};
 pub use recorder::{FlushInterval, Recorder};
 pub use reference::{reference, schema};
-pub use robot::{Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar};
+pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar, UnitLength};
 pub use simulator::{After, HeightError, LengthError, PerPicture, Pixels, Provides, Seed, Share, SimulatedCamera, Simulator};
 pub use supervisor::{
     FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,

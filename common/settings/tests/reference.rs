@@ -52,7 +52,7 @@ fn the_reference_tells_limits_units_and_defaults() {
         "| `name` | 1 to 24 of a-z, 0-9 and - | **required** |",
         "| `window` | whole number, 1 to 256 scans | `256` |",
         "## [mapping.tuning]\n",
-        "## [[robot.sonar]], 0 to 16 times\n",
+        "## [[robot.sonar]], 0 to 32 times\n",
     ] {
         assert!(page.contains(row), "{row}");
     }

@@ -48,6 +48,11 @@ impl Arrivals {
         Rhythm { interval_s, jitter_s: intervals().map(|interval| (interval - interval_s).abs()).sum::<f64>() / count }
     }
 
+    /// Says that this stamp has been given, too.
+    pub fn note_stamp(&mut self, stamp_ns: u64) {
+        self.last_stamp_ns = self.last_stamp_ns.max(stamp_ns);
+    }
+
     /// Notes a read: the stream position of its first byte, and when it was.
     pub fn note_read(&mut self, start: u64, now_ns: u64) {
         self.reads.push_back((start, now_ns));

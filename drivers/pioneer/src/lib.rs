@@ -43,7 +43,7 @@ pub use condition::Condition;
 pub use event::Event;
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
-pub use parameters::Parameters;
+pub use parameters::{Factors, Parameters};
 pub use port::{Port, words};
 pub use probe::{Answer, ProbeError, probe};
 pub use readings::{Readings, readings};

@@ -10,6 +10,8 @@ const NS_PER_S: f64 = 1e9;
 pub struct Parameters {
     /// The model that the settings name: used for a robot that does not say what it is.
     pub model: &'static Model,
+    /// The factors of the settings, which hold instead of the model's.
+    pub factors: Factors,
     /// The sonar ring of the settings, if they have one; otherwise the model's is used.
     pub ring: Option<Vec<Pose>>,
     /// A reading at or above this range is no echo, m.
@@ -32,6 +34,17 @@ pub struct Parameters {
     pub turn_limit_rad_s: f64,
 }
 
+/// Factors that hold instead of those of a robot's model.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Factors {
+    /// mm per unit of x and y.
+    pub distance_mm: Option<f64>,
+    /// mm per unit of a sonar range.
+    pub range_mm: Option<f64>,
+    /// Units of a full turn of the heading.
+    pub heading_units: Option<u16>,
+}
+
 /// In a simulation that runs fast, the other program needs its time on the wall to answer all the same.
 const LEAST_ANSWER_WALL_S: f64 = 0.25;
 
@@ -43,6 +56,7 @@ impl Default for Parameters {
     fn default() -> Self {
         Self {
             model: &MODELS[0],
+            factors: Factors::default(),
             ring: None,
             range_limit_m: 3.0,
             odometry_modulus: 1 << 15,

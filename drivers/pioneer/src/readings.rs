@@ -7,6 +7,11 @@ use psos::RawReading;
 /// little off. Beyond it a number is damage, not an echo.
 const REACH_M: f64 = 6.0;
 
+/// Whether no sonar sits here: some rings leave numbers out.
+fn is_absent(mount: &Pose) -> bool {
+    (mount.x_m, mount.y_m, mount.yaw_rad) == (0.0, 0.0, -std::f64::consts::PI)
+}
+
 /// The readings of one packet, and what was wrong with the others.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Readings {
@@ -25,7 +30,7 @@ pub fn readings(raw: &[RawReading], ring: &[Pose], unit_m: f64, range_limit_m: f
     for reading in raw {
         let measured_m = f64::from(reading.range) * unit_m;
         let mount = ring.get(usize::from(reading.sonar));
-        let (Some(&mount), true) = (mount, reading.range > 0 && measured_m <= REACH_M) else {
+        let (Some(&mount), true) = (mount.filter(|mount| !is_absent(mount)), reading.range > 0 && measured_m <= REACH_M) else {
             found.refused += 1;
             continue;
         };

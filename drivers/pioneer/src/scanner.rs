@@ -1,6 +1,6 @@
 //! From status packets to scans: factors, odometry, plausibility.
 
-use messages::{AFTER_DOUBT, AFTER_LOSS, Pose, SonarScan};
+use messages::{AFTER_DOUBT, AFTER_LOSS, MAX_READINGS, Pose, SonarScan};
 use psos::{Model, Sip};
 
 use crate::odometry::{Counters, Odometry, Scale, Step, Track};
@@ -50,6 +50,8 @@ pub struct Scanner {
     gap: u32,
     /// Why the pose of the last scan is doubtful, until it is asked for.
     doubt: Option<Doubt>,
+    /// What the last packet had more than a scan holds.
+    rest: Vec<SonarScan>,
     refusals: Refusals,
 }
 
@@ -64,6 +66,7 @@ impl Scanner {
             model,
             gap: 0,
             doubt: None,
+            rest: Vec::new(),
             refusals: Refusals::default(),
         }
     }
@@ -91,6 +94,11 @@ impl Scanner {
     /// Says that more time has passed than stamps tell: the clock stood still meanwhile.
     pub fn add_unseen(&mut self, time_ns: u64) {
         self.odometry.add_unseen(time_ns);
+    }
+
+    /// Further scans of the last packet, of the same pose: a ring may have more sonars than a scan holds readings.
+    pub fn take_rest(&mut self) -> Vec<SonarScan> {
+        std::mem::take(&mut self.rest)
     }
 
     /// Why the pose of the last scan is doubtful, if it is; said once.
@@ -145,10 +153,13 @@ impl Scanner {
                 return Err(refused);
             }
         }
-        let readings = readings(&sip.readings, &self.ring, self.model.range_mm / 1e3, self.parameters.range_limit_m);
+        let range_m = self.parameters.factors.range_mm.unwrap_or(self.model.range_mm) / 1e3;
+        let readings = readings(&sip.readings, &self.ring, range_m, self.parameters.range_limit_m);
         self.refusals.readings += readings.refused;
         self.refusals.repeated += readings.repeated;
-        let scan = SonarScan::new(self.odometry.pose(), &readings.good, false);
+        let mut scans = readings.good.chunks(MAX_READINGS).map(|part| SonarScan::new(self.odometry.pose(), part, false));
+        let scan = scans.next().unwrap_or_else(|| SonarScan::new(self.odometry.pose(), &[], false));
+        self.rest = scans.collect();
         Ok(SonarScan { after_gap: std::mem::take(&mut self.gap), ..scan })
     }
 
@@ -161,8 +172,8 @@ impl Scanner {
 fn scale(parameters: &Parameters, model: &Model) -> Scale {
     Scale {
         modulus: parameters.odometry_modulus,
-        heading_units: model.heading_units,
-        distance_m: model.distance_mm / 1e3,
+        heading_units: parameters.factors.heading_units.unwrap_or(model.heading_units),
+        distance_m: parameters.factors.distance_mm.unwrap_or(model.distance_mm) / 1e3,
         speed_limit_m_s: parameters.speed_limit_m_s,
         turn_limit_rad_s: parameters.turn_limit_rad_s,
     }

@@ -569,10 +569,14 @@ impl Session {
         let usable = match self.scanner.scan(sip, stamp_ns) {
             Ok(scan) => {
                 self.refused_in_a_row = 0;
-                self.seq += 1;
-                let track = self.scanner.track();
-                let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
-                out.push(Output::Publish(Box::new(kept)));
+                let rest = self.scanner.take_rest();
+                for (stamp_ns, scan) in (stamp_ns..).zip([scan].into_iter().chain(rest)) {
+                    self.seq += 1;
+                    let track = self.scanner.track();
+                    let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
+                    out.push(Output::Publish(Box::new(kept)));
+                    self.arrivals.note_stamp(stamp_ns);
+                }
                 if let Some(doubt) = self.scanner.take_doubt() {
                     self.doubts += 1;
                     out.push(Output::Event(Event::PoseDoubtful { doubt }));

@@ -170,10 +170,10 @@ fn another_model_than_the_settings_say_uses_its_own_factors_and_says_so() {
 
 #[test]
 fn an_unknown_robot_is_shouted_about() {
-    let mut drive = Drive::new(Robot { subclass: "amigo", ..Robot::pioneer_1() });
+    let mut drive = Drive::new(Robot { subclass: "wheelbarrow", ..Robot::pioneer_1() });
     drive.run(3 * S);
-    assert!(drive.events.contains(&Event::UnknownModel { subclass: "amigo".into(), settings: "pioneer-1" }));
-    assert!(drive.session.note("x").starts_with("UNKNOWN ROBOT \"amigo\" taken for a pioneer-1"), "{}", drive.session.note("x"));
+    assert!(drive.events.contains(&Event::UnknownModel { subclass: "wheelbarrow".into(), settings: "pioneer-1" }));
+    assert!(drive.session.note("x").starts_with("UNKNOWN ROBOT \"wheelbarrow\" taken for a pioneer-1"), "{}", drive.session.note("x"));
 }
 
 #[test]

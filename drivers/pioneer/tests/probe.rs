@@ -1,4 +1,4 @@
-//! The probe at a real pseudo-terminal, with time limits that are a third of the real ones, and two baud rates.
+//! The probe at a real pseudo-terminal, with time limits that are about half of the real ones, and two baud rates.
 #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 
 mod support;
@@ -32,7 +32,7 @@ fn probed(mut device: Device) -> Result<Answer, ProbeError> {
     tcsetattr(&held, OptionalActions::Now, &mode).unwrap();
     let (done, end) = rustix::pipe::pipe().unwrap();
     let served = thread::Builder::new().name("device".to_owned()).spawn(move || serve(&line, &done, &mut device)).unwrap();
-    let quick = Parameters { echo_ns: 300 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..Parameters::default() };
+    let quick = Parameters { echo_ns: 600 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..Parameters::default() };
     let answer = probe(&path, &quick);
     drop(end);
     served.join().unwrap();

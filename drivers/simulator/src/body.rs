@@ -30,7 +30,7 @@ impl Body {
             .iter()
             .map(|sonar| Pose { x_m: sonar.x_m.get(), y_m: sonar.y_m.get(), yaw_rad: sonar.heading_deg.get().to_radians() })
             .collect();
-        let body = Self::of(model(robot.model));
+        let body = Self::of(robot.model.get());
         if mounts.is_empty() { body } else { body.with_ring(&mounts) }
     }
 
@@ -66,36 +66,13 @@ impl Body {
     }
 }
 
-/// What is known of a model of the settings.
-fn model(model: settings::Model) -> &'static Model {
-    let name = match model {
-        settings::Model::Pioneer1 => "pioneer-1",
-        settings::Model::PioneerAt => "pioneer-at",
-        settings::Model::P2Dx => "p2-dx",
-        settings::Model::P3Dx => "p3-dx",
-    };
-    Model::named(name).unwrap_or(&psos::MODELS[0])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn every_model_of_the_settings_is_known() {
-        for (setting, name) in [
-            (settings::Model::Pioneer1, "pioneer-1"),
-            (settings::Model::PioneerAt, "pioneer-at"),
-            (settings::Model::P2Dx, "p2-dx"),
-            (settings::Model::P3Dx, "p3-dx"),
-        ] {
-            assert_eq!(model(setting).name, name);
-        }
-    }
-
-    #[test]
     fn ranges_are_rounded_to_the_robots_units() {
-        let body = Body::of(model(settings::Model::Pioneer1));
+        let body = Body::of(&psos::MODELS[0]);
         assert_eq!(body.range_units(1.87), 10784);
         assert!((body.in_units(1.87) - 10784.0 * 0.000_173_4).abs() < 1e-12);
         assert_eq!(body.range_units(99.0), u16::MAX);

@@ -62,7 +62,7 @@ impl RobotEnd {
     /// A robot that has just been switched on, at `odometry` in the frame of the drive's start; its counters stand at zero.
     #[must_use]
     pub fn new(body: &Body, modulus: u32, odometry: Pose) -> Self {
-        let subclass = body.model().subclasses.first().copied().unwrap_or_default().to_owned();
+        let subclass = body.model().subclass().to_owned();
         Self {
             body: body.clone(),
             modulus: modulus.clamp(1, 1 << 16),

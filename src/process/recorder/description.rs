@@ -11,8 +11,8 @@ use settings::{Settings, Viewer};
 pub(super) fn describe(run: u64, settings: &Settings) -> Result<Preamble> {
     Ok(Preamble {
         run,
-        robot: robot::model(settings.robot.model)?.name.to_owned(),
-        sonars: robot::sonars(&settings.robot)?,
+        robot: settings.robot.model.get().name.to_owned(),
+        sonars: robot::sonars(&settings.robot),
         origin: format!("recorded by stillmap {} as deployment {}", env!("CARGO_PKG_VERSION"), settings.name),
         // A log is given to others: it must not contain the token of the page.
         settings: Settings { viewer: Viewer::default(), ..settings.clone() }.to_toml()?,

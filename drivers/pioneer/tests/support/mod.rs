@@ -27,6 +27,10 @@ pub(crate) struct Robot {
     /// Metres travelled.
     pub x_m: f64,
     pub m_per_cycle: f64,
+    /// mm per unit of its counters, where that is not its model's.
+    pub unit_mm: Option<f64>,
+    /// Readings of every packet, instead of one of sonar 3.
+    pub readings: Vec<RawReading>,
     /// Where it was when it was opened.
     pub opened_at_m: f64,
     /// The number at which its counters start again from 0.
@@ -57,6 +61,8 @@ impl Robot {
             has_sonar_command: false,
             x_m: 0.0,
             m_per_cycle: 0.03,
+            unit_mm: None,
+            readings: Vec::new(),
             opened_at_m: 0.0,
             modulus: 32768,
             battery: 131,
@@ -75,7 +81,7 @@ impl Robot {
     }
 
     fn unit_mm(&self) -> f64 {
-        psos::Model::of(&self.identity()).map_or(0.05066, |model| model.distance_mm)
+        self.unit_mm.unwrap_or_else(|| psos::Model::of(&self.identity()).map_or(0.05066, |model| model.distance_mm))
     }
 
     fn identity(&self) -> Identity {
@@ -129,8 +135,8 @@ impl Robot {
     }
 
     pub(crate) fn sip(&self) -> Sip {
+        let readings = if self.readings.is_empty() { vec![RawReading { sonar: 3, range: 1000 }] } else { self.readings.clone() };
         let units = (self.x_m * 1000.0 / self.unit_mm()) as u64;
-        let range = 1000;
         Sip {
             status: 2,
             x: (units % self.modulus) as u16,
@@ -144,7 +150,7 @@ impl Robot {
             control: 0,
             flags: self.flags.unwrap_or(1 | u16::from(self.sonars) << 1),
             compass: 0,
-            readings: if self.sonars { vec![RawReading { sonar: 3, range }] } else { Vec::new() },
+            readings: if self.sonars { readings } else { Vec::new() },
             tail: vec![0; 5],
         }
     }
