@@ -1,29 +1,12 @@
 //! How a camera codes its pixels, and the way from there to luminance: one pass over the mapped buffer.
 
-use core::fmt;
-
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use crate::four_cc::FourCc;
 use crate::trouble::Trouble;
-
-/// The four letters by which the kernel names a pixel format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct FourCc(pub u32);
-
-impl FourCc {
-    const fn new(letters: &[u8; 4]) -> Self {
-        Self(u32::from_le_bytes(*letters))
-    }
-}
-
-impl fmt::Display for FourCc {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.to_le_bytes().iter().try_for_each(|&letter| write!(f, "{}", char::from(letter).escape_default()))
-    }
-}
 
 /// The codings that this driver reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

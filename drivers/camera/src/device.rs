@@ -7,8 +7,9 @@ use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
 
 use crate::abi;
-use crate::coding::{Coding, FourCc, Shape};
+use crate::coding::{Coding, Shape};
 use crate::controls::ControlInfo;
+use crate::four_cc::FourCc;
 use crate::trouble::Trouble;
 
 /// Most entries taken from an enumeration: a driver that never says that it has ended hangs nobody.

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::coding::{Coding, FourCc};
+use crate::coding::Coding;
 use crate::controls::ControlInfo;
 use crate::device::{Device, Identity};
+use crate::four_cc::FourCc;
 use crate::trouble::Trouble;
 
 /// What a camera offers.

@@ -2,7 +2,7 @@
 
 use rustix::io::Errno;
 
-use crate::coding::FourCc;
+use crate::four_cc::FourCc;
 
 /// Why a device gives no pictures. Its words follow the name of the device.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
