@@ -22,6 +22,7 @@ mod arrivals;
 mod checkpoint;
 mod command;
 mod condition;
+mod conditions;
 mod duplicates;
 mod event;
 mod exchange;
