@@ -17,7 +17,7 @@ use messages::{CameraFrame, SonarScan};
 use rustix::process::Signal;
 use serde_json::Value;
 use settings::Settings;
-use simulator::{Body, Packet, Simulation, read_world};
+use simulator::{Packet, Simulation, read_world};
 
 const WORLD: &str = include_str!("../config/worlds/corridor-empty.toml");
 /// Half a minute of robot's time passes in six seconds.
@@ -73,7 +73,7 @@ impl Drive {
     fn packets(&self) -> Vec<Packet> {
         let settings = Settings::read(&self.settings).unwrap();
         let world = read_world(&settings.simulator.world).unwrap();
-        let mut drive = Simulation::new(&world, &Body::of_settings(&settings.robot), settings.simulator.seed.get().into());
+        let mut drive = Simulation::new(&world, &stillmap::process::robot::body(&settings.robot), settings.simulator.seed.get().into());
         std::iter::from_fn(|| Some(drive.next_packet()?.0)).collect()
     }
 

@@ -2,10 +2,11 @@
 
 use super::chain::chain;
 use crate::exit::BadInput;
+use crate::process::robot;
 use drivelog::{Entry, Log, Logged};
 use evaluate::{Chain, Drive, Numbered, Occupancy, Recorded, Trial, reference};
 use settings::Settings;
-use simulator::{Body, World};
+use simulator::World;
 use std::path::Path;
 
 /// Names of the log in the folder of a run, and of the world that the demo writes beside it.
@@ -66,6 +67,6 @@ fn without_walkers(log: &Path, settings: &Settings, chain: &Chain) -> anyhow::Re
 fn empty_drive(path: &Path, settings: &Settings) -> anyhow::Result<Drive> {
     let mut world: World = simulator::read_world(path)?;
     world.walkers.clear();
-    let body = Body::of_settings(&settings.robot);
+    let body = robot::body(&settings.robot);
     Ok(Drive::through(&world, &body, settings.robot.range_limit_m.get(), None, u64::from(settings.simulator.seed.get())))
 }

@@ -6,12 +6,13 @@ use super::report::{Report, Row};
 use crate::args::NumberRange;
 use crate::built_in;
 use crate::exit::BadInput;
+use crate::process::robot;
+use crate::process::simulator::{failings as usual_failings, optics};
 use clap::{Args, ValueEnum};
 use evaluate::{Drive, Eyes, Trial, Variation, filter, read_world, reference};
 use indicatif::{MultiProgress, ProgressBar};
 use settings::{Action, Cue, MovingCell, Settings, VerdictRule};
 use simulator::blobs::Failings;
-use simulator::{Body, Optics};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -137,8 +138,8 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::R
         read_world(task.text, Variation { walkers, seed: task.seed, stand_s: options.stand })
             .map_err(|error| BadInput(format!("{}: {error}", task.name)))
     };
-    let (body, limit_m) = (Body::of_settings(&settings.robot), settings.robot.range_limit_m.get());
-    let eyes = Eyes { optics: Optics::of_settings(&settings.camera), failings: failings(settings, options) };
+    let (body, limit_m) = (robot::body(&settings.robot), settings.robot.range_limit_m.get());
+    let eyes = Eyes { optics: optics(&settings.camera), failings: failings(settings, options) };
     let eyes = (options.rule != Rule::Sonar).then_some(&eyes);
     let drive = Drive::through(&world(task.walkers.map(|walkers| walkers as usize))?, &body, limit_m, eyes, task.seed);
     let empty = Drive::through(&world(Some(0))?, &body, limit_m, None, task.seed);
@@ -155,7 +156,7 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::R
 
 /// The errors of the simulated background subtraction.
 fn failings(settings: &Settings, options: &DriveArgs) -> Failings {
-    let usual = Failings::of_settings(&settings.simulator.camera);
+    let usual = usual_failings(&settings.simulator.camera);
     if options.rule == Rule::Paper {
         return Failings::NONE;
     }

@@ -8,11 +8,12 @@ pub mod mapping;
 mod pioneer;
 mod playback;
 pub mod sbs;
+pub(crate) mod simulator;
 pub mod std;
 
 mod injector;
 mod recorder;
-mod robot;
+pub mod robot;
 mod viewer;
 
 use crate::exit::BadInput;

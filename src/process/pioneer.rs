@@ -5,15 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::robot;
+use super::simulator::PORT_NAME;
 use ::pioneer::{Checkpoint, Command, Factors, Input, Output, Parameters, Port, Session, words};
 use anyhow::Result;
 use bus::Writer;
 use messages::SonarScan;
 use runtime::{Context, Next, Shell, StepError};
 use settings::{BuiltIn, Port as PortSetting, Settings};
-
-/// Name of the simulator's pseudo-terminal in the domain's folder.
-const SIMULATOR_PORT: &str = "robot";
 
 /// Most bytes taken from the line in one step: a line that never falls silent must not keep the heartbeat from beating.
 const MOST_AT_ONCE: usize = 8192;
@@ -29,7 +27,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let membership = shell.membership();
     let speed = membership.speed();
     let path = match &settings.pioneer.port {
-        PortSetting::Simulator => membership.directory().join(SIMULATOR_PORT),
+        PortSetting::Simulator => membership.directory().join(PORT_NAME),
         PortSetting::Device(path) => path.clone(),
     };
     let checkpoint = shell.checkpoint();

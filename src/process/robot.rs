@@ -1,6 +1,7 @@
 //! The robot of the settings as the protocol crate describes it.
 
 use messages::Pose;
+use simulator::Body;
 
 /// Poses of the sonars in the robot frame: those of the settings, or else those of the model.
 pub(super) fn sonars(robot: &settings::Robot) -> Vec<Pose> {
@@ -11,4 +12,10 @@ pub(super) fn sonars(robot: &settings::Robot) -> Vec<Pose> {
     }
     let mounts = robot.model.get().ring.iter();
     mounts.map(|it| Pose { x_m: it.x_mm / 1e3, y_m: it.y_mm / 1e3, yaw_rad: it.heading_deg.to_radians() }).collect()
+}
+
+/// The robot as the simulator needs it.
+#[must_use]
+pub fn body(robot: &settings::Robot) -> Body {
+    Body::of(robot.model.get()).with_ring(&sonars(robot))
 }

@@ -17,7 +17,7 @@ use std::process::{Command, ExitCode};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use simulator::{Body, PACKET_INTERVAL_NS, RobotEnd, Simulation, World, read_world};
+use simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, World, read_world};
 
 /// What is at the other end of the cable.
 enum End {
@@ -119,7 +119,7 @@ fn drive_on(cable: &Mutex<Cable>) {
 impl Robot {
     fn new(world: &World) -> Self {
         let settings = settings::Robot::default();
-        let body = Body::of_settings(&settings);
+        let body = stillmap::process::robot::body(&settings);
         let drive = Simulation::new(world, &body, 1);
         Self { end: RobotEnd::new(&body, settings.odometry_modulus.get(), drive.odometry()), drive, due: None }
     }

@@ -6,5 +6,6 @@ mod mapping;
 mod pioneer;
 mod playback;
 mod sbs;
+mod simulator;
 #[path = "../../services/sbs/tests/common/wall.rs"]
 mod wall;

@@ -22,18 +22,6 @@ impl Body {
         Self { model, ring: ring.collect() }
     }
 
-    /// The robot of a deployment.
-    #[must_use]
-    pub fn of_settings(robot: &settings::Robot) -> Self {
-        let mounts: Vec<Pose> = robot
-            .sonar
-            .iter()
-            .map(|sonar| Pose { x_m: sonar.x_m.get(), y_m: sonar.y_m.get(), yaw_rad: sonar.heading_deg.get().to_radians() })
-            .collect();
-        let body = Self::of(robot.model.get());
-        if mounts.is_empty() { body } else { body.with_ring(&mounts) }
-    }
-
     /// The same robot with its sonars mounted elsewhere, in the order of their numbers; at most 16 are used.
     #[must_use]
     pub fn with_ring(mut self, mounts: &[Pose]) -> Self {

@@ -6,9 +6,9 @@
 //! | [`Simulation`] | the drive: a packet every 100 ms of what the robot knows, with the truth behind it |
 //! | [`camera::Camera`] | what the robot's camera sees of it, and the truth of each pixel |
 //! | [`RobotEnd`] | the robot's end of the serial protocol: bytes in, bytes out |
-//! | [`run`] | the process: a pseudo-terminal, the deployment's clock, the truth on the bus |
+//! | [`Terminal`] | the pseudo-terminal that stands in for the serial port |
 //!
-//! All but the process is pure. The drive is a function of world, robot and seed: where anything is, is a function of time, and
+//! All but the terminal is pure. The drive is a function of world, robot and seed: where anything is, is a function of time, and
 //! each ping has random numbers of its own. So a drive is the same however often it is stopped and taken up, and the same walls
 //! sound the same whoever walks before them.
 //!
@@ -21,14 +21,10 @@ mod body;
 pub mod camera;
 mod chance;
 mod config_packet;
-mod drive_state;
 mod geometry;
 mod journey;
-mod motion_feed;
 mod odometry;
 mod optics;
-mod picture_feed;
-mod process;
 pub mod quantity;
 mod robot_end;
 mod simulation;
@@ -41,7 +37,7 @@ pub mod world;
 
 pub use body::Body;
 pub use optics::Optics;
-pub use process::{PORT_NAME, SimulatorError, read_world, run};
 pub use robot_end::RobotEnd;
 pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, STANDSTILL_NS, Simulation};
-pub use world::World;
+pub use terminal::Terminal;
+pub use world::{World, read_world};

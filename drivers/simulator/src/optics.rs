@@ -23,21 +23,21 @@ pub struct Optics {
     pub interval_ns: u64,
 }
 
-impl Optics {
-    /// The camera that a deployment has.
-    #[must_use]
-    pub fn of_settings(camera: &settings::Camera) -> Self {
-        let yaw_rad = camera.heading_deg.get().to_radians();
+impl Default for Optics {
+    /// A small camera at the robot's centre that looks ahead, 160 by 120 px 15 times a second.
+    fn default() -> Self {
         Self {
-            mount: Pose { x_m: camera.x_m.get(), y_m: camera.y_m.get(), yaw_rad },
-            height_m: camera.height_m.get(),
-            field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
-            horizon_share: camera.horizon_share.get(),
-            size_px: [camera.width.get(), camera.height.get()],
-            interval_ns: (1e9 / camera.rate_hz.get()).round() as u64,
+            mount: Pose::default(),
+            height_m: 0.3,
+            field_of_view_rad: 70_f64.to_radians(),
+            horizon_share: 0.5,
+            size_px: [160, 120],
+            interval_ns: 66_666_667,
         }
     }
+}
 
+impl Optics {
     /// Focal length, px.
     #[must_use]
     pub fn focal_px(&self) -> f64 {

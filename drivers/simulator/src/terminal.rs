@@ -20,7 +20,7 @@ const MOST_AT_ONCE: usize = 4096;
 /// The clients' end is held open here too: a client that leaves does not hang it up, as unplugging a computer does not
 /// switch the robot off.
 #[derive(Debug)]
-pub(crate) struct Terminal {
+pub struct Terminal {
     robot: OwnedFd,
     client: OwnedFd,
     name: PathBuf,
@@ -31,7 +31,7 @@ impl Terminal {
     ///
     /// # Errors
     /// When the system has no pseudo-terminal to give, or the link cannot be made.
-    pub(crate) fn open(name: PathBuf) -> io::Result<Self> {
+    pub fn open(name: PathBuf) -> io::Result<Self> {
         let robot = rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         rustix::pty::grantpt(&robot)?;
         rustix::pty::unlockpt(&robot)?;
@@ -46,7 +46,7 @@ impl Terminal {
     }
 
     /// Becomes readable when a client has sent something.
-    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.robot.as_fd()
     }
 
@@ -54,7 +54,7 @@ impl Terminal {
     ///
     /// # Errors
     /// When the terminal fails.
-    pub(crate) fn read(&self) -> io::Result<Vec<u8>> {
+    pub fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; MOST_AT_ONCE];
         let count = match rustix::io::read(&self.robot, &mut bytes) {
             Ok(count) => count,
@@ -70,7 +70,7 @@ impl Terminal {
     ///
     /// # Errors
     /// When the terminal fails.
-    pub(crate) fn write(&self, mut bytes: &[u8]) -> io::Result<usize> {
+    pub fn write(&self, mut bytes: &[u8]) -> io::Result<usize> {
         while !bytes.is_empty() {
             match rustix::io::write(&self.robot, bytes) {
                 Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),
@@ -86,7 +86,7 @@ impl Terminal {
     ///
     /// # Errors
     /// When the terminal fails.
-    pub(crate) fn is_drained(&self) -> io::Result<bool> {
+    pub fn is_drained(&self) -> io::Result<bool> {
         Ok(rustix::io::ioctl_fionread(&self.client)? == 0)
     }
 }

@@ -3,6 +3,8 @@
 //! Places are `[x, y]` in metres in the world's frame (right-handed), headings counter-clockwise from x.
 
 use document::{DocumentError, Fault};
+use std::path::Path;
+
 use serde::Deserialize;
 
 use crate::geometry::Segment;
@@ -225,4 +227,12 @@ pub struct Walker {
     pub step_m: StepLength,
     /// `[[walker.way]]`: the places to walk to, in order; at the last one the walker leaves.
     pub way: Vec<Goal>,
+}
+
+/// Reads a world's file.
+///
+/// # Errors
+/// When the file cannot be read; otherwise its first problem, in one line with file, line, key, value and what was expected.
+pub fn read_world(path: &Path) -> Result<World, DocumentError> {
+    World::parse(&path.display().to_string(), &document::read_text(path)?)
 }

@@ -241,7 +241,7 @@ fn camera_and_sonars_share_one_way() {
     let world = world(
         "walker = [{ from_m = [3, 0], way = [{ to_m = [3, 0], stop_s = 60 }] }]\n[robot]\nstart_m = [0, 0]\nspeed_m_s = 0.5\nway = [{ to_m = [2, 0] }]\n",
     );
-    let optics = Optics::of_settings(&settings::Camera::default());
+    let optics = Optics::default();
     let mut blobs = Blobs::new(&world, &optics, &Failings::NONE, 1);
     let poses: Vec<(u64, f64)> = drive(&world, 1).iter().map(|(packet, truth)| (packet.stamp_ns, truth.pose.x_m)).collect();
     let focal_px = 80.0 / (optics.field_of_view_rad / 2.0).tan();

@@ -5,12 +5,12 @@ use messages::{CameraFrame, FrameLayout, PixelFormat, TruthMask};
 use runtime::Shell;
 use settings::Settings;
 
-use crate::camera::{Camera, Flaws, Picture};
-use crate::optics::Optics;
-use crate::world::World;
+use super::optics;
+use ::simulator::World;
+use ::simulator::camera::{Camera, Flaws, Picture};
 
 /// The camera of a drive, whose pictures are rendered.
-pub(crate) struct PictureFeed {
+pub(super) struct PictureFeed {
     camera: Camera,
     layout: FrameLayout,
     picture: Picture,
@@ -24,8 +24,8 @@ pub(crate) struct PictureFeed {
 
 impl PictureFeed {
     /// The frames after this time of the drive, ns.
-    pub(crate) fn new(world: &World, settings: &Settings, shell: &mut Shell, driven_ns: u64) -> Result<Self, BusError> {
-        let optics = Optics::of_settings(&settings.camera);
+    pub(super) fn new(world: &World, settings: &Settings, shell: &mut Shell, driven_ns: u64) -> Result<Self, BusError> {
+        let optics = optics(&settings.camera);
         let [width, height] = optics.size_px;
         Ok(Self {
             camera: Camera::new(world, &optics, &Flaws::default(), u64::from(settings.simulator.seed.get())),
@@ -39,13 +39,13 @@ impl PictureFeed {
     }
 
     /// When the next frame is due, ns since the start of the drive; `None` at its end.
-    pub(crate) fn due_ns(&self) -> Option<u64> {
+    pub(super) fn due_ns(&self) -> Option<u64> {
         let next = self.last + 1;
         (next <= self.camera.total_frames()).then(|| self.camera.stamp_ns(next))
     }
 
     /// Takes and sends the next frame, of a drive that began at this time on the deployment's clock.
-    pub(crate) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
+    pub(super) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
         self.last += 1;
         self.stamp_ns = start_ns + self.camera.stamp_ns(self.last);
         self.camera.take(self.last, &mut self.picture);
@@ -54,7 +54,7 @@ impl PictureFeed {
     }
 
     /// No more frames will come.
-    pub(crate) fn end(&mut self) -> Result<(), BusError> {
+    pub(super) fn end(&mut self) -> Result<(), BusError> {
         self.frames.end(self.last, self.stamp_ns)?;
         self.masks.end(self.last, self.stamp_ns)
     }

@@ -2,15 +2,15 @@
 
 /// How far the drive has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct DriveState {
+pub(super) struct DriveState {
     /// Packets made of the drive.
-    pub(crate) packets: u64,
+    pub(super) packets: u64,
     /// Packets sent to a client.
-    pub(crate) sent: u64,
+    pub(super) sent: u64,
 }
 
 impl DriveState {
-    pub(crate) fn to_bytes(self) -> [u8; 16] {
+    pub(super) fn to_bytes(self) -> [u8; 16] {
         let mut bytes = [0; 16];
         bytes[..8].copy_from_slice(&self.packets.to_le_bytes());
         bytes[8..].copy_from_slice(&self.sent.to_le_bytes());
@@ -18,7 +18,7 @@ impl DriveState {
     }
 
     /// `None` for bytes that are no drive state.
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (packets, sent) = <&[u8; 16]>::try_from(bytes).ok()?.split_at(8);
         let number = |bytes: &[u8]| Some(u64::from_le_bytes(bytes.try_into().ok()?));
         Some(Self { packets: number(packets)?, sent: number(sent)? })

@@ -4,12 +4,12 @@ use bus::{BusError, Writer};
 use messages::CameraMotion;
 use settings::Settings;
 
-use crate::blobs::{Blobs, Failings};
-use crate::optics::Optics;
-use crate::world::World;
+use super::{failings, optics};
+use ::simulator::World;
+use ::simulator::blobs::Blobs;
 
 /// The camera of a drive whose background subtraction is pretended.
-pub(crate) struct MotionFeed {
+pub(super) struct MotionFeed {
     blobs: Blobs,
     writer: Writer<CameraMotion>,
     /// The next frame: its time since the start of the drive, ns, and what moves in it; `None` at the end of the way.
@@ -22,9 +22,9 @@ pub(crate) struct MotionFeed {
 
 impl MotionFeed {
     /// The frames after this time of the drive, ns.
-    pub(crate) fn new(world: &World, settings: &Settings, writer: Writer<CameraMotion>, driven_ns: u64) -> Self {
-        let optics = Optics::of_settings(&settings.camera);
-        let failings = Failings::of_settings(&settings.simulator.camera);
+    pub(super) fn new(world: &World, settings: &Settings, writer: Writer<CameraMotion>, driven_ns: u64) -> Self {
+        let optics = optics(&settings.camera);
+        let failings = failings(&settings.simulator.camera);
         let mut blobs = Blobs::new(world, &optics, &failings, u64::from(settings.simulator.seed.get()));
         let next = blobs.next_frame();
         let mut feed = Self { blobs, writer, next, frames: 0, stamp_ns: 0 };
@@ -35,12 +35,12 @@ impl MotionFeed {
     }
 
     /// When the next frame is due, ns since the start of the drive.
-    pub(crate) fn due_ns(&self) -> Option<u64> {
+    pub(super) fn due_ns(&self) -> Option<u64> {
         self.next.as_ref().map(|(due_ns, _)| *due_ns)
     }
 
     /// Sends the next frame, of a drive that began at this time on the deployment's clock.
-    pub(crate) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
+    pub(super) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
         if let Some((due_ns, motion)) = &self.next {
             self.stamp_ns = start_ns + due_ns;
             self.writer.send(self.frames + 1, self.stamp_ns, motion)?;
@@ -50,7 +50,7 @@ impl MotionFeed {
     }
 
     /// No more frames will come.
-    pub(crate) fn end(&mut self) -> Result<(), BusError> {
+    pub(super) fn end(&mut self) -> Result<(), BusError> {
         self.writer.end(self.frames, self.stamp_ns)
     }
 

@@ -1,20 +1,19 @@
 //! The simulator as a process: a client at its pseudo-terminal, the truth on the bus.
-#![expect(clippy::unwrap_used, clippy::float_cmp, reason = "tests fail by panicking")]
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::thread;
 
+use ::simulator::camera::{Camera, Flaws, Picture};
+use ::simulator::{Optics, World};
 use bus::{Domain, FrameReader, Reader, Received};
 use messages::{CameraFrame, FrameLayout, Pictures, PixelFormat, TruthMask, TruthScan, TruthSurfaces};
-use psos::{Command, Deframer, Sip, number};
+use psos::{Deframer, Sip, number};
 use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, poll};
-use settings::Settings;
-use stillmap_simulator::camera::{Camera, Flaws, Picture};
-use stillmap_simulator::{Optics, World};
 
 /// A second at rest, then three metres towards a wall at 0.5 m/s: so short that the terminal holds all of its packets and none is ever lost.
 const WORLD: &str = "
@@ -25,8 +24,7 @@ const WORLD: &str = "
 /// A deployment of nothing but the simulator, 20 times as fast as the wall clock.
 struct Deployment {
     domain: Domain,
-    settings: Settings,
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 fn deployment(name: &str) -> Deployment {
@@ -38,9 +36,9 @@ fn deployment_with(name: &str, more: &str) -> Deployment {
     let folder = tempfile::tempdir().unwrap();
     let world = folder.path().join("world.toml");
     std::fs::write(&world, WORLD).unwrap();
-    let settings: Settings = Settings::parse("test", &(SETTINGS.replace("WORLD", world.to_str().unwrap()) + more)).unwrap();
+    std::fs::write(folder.path().join("settings.toml"), SETTINGS.replace("WORLD", world.to_str().unwrap()) + more).unwrap();
     let domain = Domain::open(&format!("test-sim-{}-{name}", std::process::id()), 20.0).unwrap();
-    Deployment { domain, settings, _folder: folder }
+    Deployment { domain, folder }
 }
 
 const SETTINGS: &str = "
@@ -57,15 +55,32 @@ const SETTINGS: &str = "
 
 impl Deployment {
     /// Starts the simulator; it may take a moment until its port is there.
-    fn start(&self) -> thread::JoinHandle<()> {
-        let membership = self.domain.membership_for("robot", 0, "settings.toml".as_ref());
-        let settings = self.settings.clone();
-        let work = move || stillmap_simulator::run(Shell::join(membership).unwrap(), &settings).unwrap();
-        thread::Builder::new().name("simulator".to_owned()).spawn(work).unwrap()
+    fn start(&self) -> Simulator {
+        let membership = self.domain.membership_for("robot", 0, &self.folder.path().join("settings.toml"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stillmap"));
+        command.args(["process", "simulator"]).envs(membership.environment()).stdout(Stdio::null());
+        Simulator(command.spawn().unwrap())
     }
 
     fn port(&self) -> std::path::PathBuf {
-        self.domain.directory().join(stillmap_simulator::PORT_NAME)
+        self.domain.directory().join("robot")
+    }
+}
+
+/// A simulator that does not outlive its test.
+struct Simulator(Child);
+
+impl Simulator {
+    /// Waits for the end of its drive.
+    fn join(mut self) {
+        assert!(self.0.wait().unwrap().success());
+    }
+}
+
+impl Drop for Simulator {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -97,10 +112,10 @@ fn listen(client: &mut File, deframer: &mut Deframer) -> Vec<Vec<u8>> {
 fn ride(client: &mut File, mut look: impl FnMut()) -> Vec<Sip> {
     let mut deframer = Deframer::new();
     for step in [number::SYNC0, number::SYNC1, number::SYNC2] {
-        client.write_all(&Command::plain(step).encode().unwrap()).unwrap();
+        client.write_all(&psos::Command::plain(step).encode().unwrap()).unwrap();
         assert_eq!(listen(client, &mut deframer)[0][0], step);
     }
-    client.write_all(&Command::plain(number::OPEN).encode().unwrap()).unwrap();
+    client.write_all(&psos::Command::plain(number::OPEN).encode().unwrap()).unwrap();
     let mut sips = Vec::new();
     loop {
         let packets = listen(client, &mut deframer);
@@ -156,7 +171,7 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let mut truths = Truths::of(&mut deployment);
     let simulator = deployment.start();
     let sips = ride(&mut connect(&deployment.port()), || truths.take());
-    simulator.join().unwrap();
+    simulator.join();
 
     assert_eq!(sips.len(), 70, "7 s, ten a second, none lost");
     assert_eq!(truths.taken.iter().map(|(seq, _)| *seq).collect::<Vec<_>>(), (1..=70).collect::<Vec<_>>());
@@ -189,7 +204,7 @@ fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
 
     let simulator = deployment.start();
     let sips = ride(&mut connect(&deployment.port()), || truths.take());
-    simulator.join().unwrap();
+    simulator.join();
 
     assert_eq!(sips.len(), 30);
     assert_eq!((truths.taken[0].0, truths.ended), (39, Some(68)));
@@ -212,8 +227,9 @@ fn pictures<P: Pictures>(reader: &mut FrameReader<P>) -> Vec<(u64, u64, Vec<u8>)
 }
 
 #[track_caller]
-fn check_pictures(taken: &[(u64, u64, Vec<u8>)], settings: &Settings, first: u64, which: fn(&Picture) -> &Vec<u8>) {
-    let mut camera = Camera::new(&World::parse("world", WORLD).unwrap(), &Optics::of_settings(&settings.camera), &Flaws::default(), 1);
+fn check_pictures(taken: &[(u64, u64, Vec<u8>)], first: u64, which: fn(&Picture) -> &Vec<u8>) {
+    let optics = Optics { size_px: [80, 60], interval_ns: 200_000_000, ..Optics::default() };
+    let mut camera = Camera::new(&World::parse("world", WORLD).unwrap(), &optics, &Flaws::default(), 1);
     assert_eq!(taken.iter().map(|(seq, ..)| *seq).collect::<Vec<_>>(), (first..=camera.total_frames()).collect::<Vec<_>>());
     let mut picture = Picture::default();
     for (seq, stamp_ns, bytes) in taken {
@@ -242,10 +258,10 @@ fn its_camera_shows_the_drive_also_after_a_kill() {
             labels.extend(pictures(&mut masks));
         };
         ride(&mut connect(&deployment.port()), &mut look);
-        simulator.join().unwrap();
+        simulator.join();
         look();
-        check_pictures(&seen, &deployment.settings, first, |picture| &picture.grey);
-        check_pictures(&labels, &deployment.settings, first, |picture| &picture.labels);
+        check_pictures(&seen, first, |picture| &picture.grey);
+        check_pictures(&labels, first, |picture| &picture.labels);
         drop((frames, masks, watcher));
         deployment.domain.close().unwrap();
     }

@@ -1,26 +1,27 @@
 //! The simulator as a process: the world in deployment time, its robot behind a pseudo-terminal, the truth on the bus.
 
+mod drive_state;
+mod motion_feed;
+mod parameters;
+mod picture_feed;
+
 use std::os::fd::BorrowedFd;
-use std::path::Path;
 use std::time::Duration;
 
+use super::robot;
+use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, Terminal, read_world};
+use anyhow::{Context as _, Result};
 use bus::{BusError, Writer};
-use document::DocumentError;
+use drive_state::DriveState;
 use messages::{TruthScan, TruthSurfaces};
-use runtime::{Checkpoint, Context, Next, RunError, Shell, StepError};
+use motion_feed::MotionFeed;
+pub(crate) use parameters::{failings, optics};
+use picture_feed::PictureFeed;
+use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Provides, Settings};
 
-use crate::body::Body;
-use crate::drive_state::DriveState;
-use crate::motion_feed::MotionFeed;
-use crate::picture_feed::PictureFeed;
-use crate::robot_end::RobotEnd;
-use crate::simulation::{PACKET_INTERVAL_NS, Simulation};
-use crate::terminal::Terminal;
-use crate::world::World;
-
 /// Name of the robot's serial port in the domain's folder.
-pub const PORT_NAME: &str = "robot";
+pub(super) const PORT_NAME: &str = "robot";
 
 /// Most packets made in one step: a world that lags behind the clock catches up without keeping its client waiting.
 const CATCH_UP_PACKETS: usize = 32;
@@ -31,48 +32,18 @@ const FAREWELL: Duration = Duration::from_secs(5);
 /// How often, by the wall clock, to look whether it has.
 const FAREWELL_LOOK: Duration = Duration::from_millis(10);
 
-/// Why the simulator ended that should not have.
-#[derive(Debug, thiserror::Error)]
-pub enum SimulatorError {
-    /// The world's file is no world.
-    #[error("{0}")]
-    World(#[from] DocumentError),
-    /// No serial port for the robot.
-    #[error("cannot open a pseudo-terminal as {path}: {source}")]
-    Terminal {
-        /// The port's name.
-        path: String,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The bus failed.
-    #[error("{0}")]
-    Bus(#[from] BusError),
-    /// The process failed at its work.
-    #[error("{0}")]
-    Run(#[from] RunError),
-}
-
-/// Reads a world's file.
-///
-/// # Errors
-/// When the file cannot be read; otherwise its first problem, in one line with file, line, key, value and what was expected.
-pub fn read_world(path: &Path) -> Result<World, DocumentError> {
-    World::parse(&path.display().to_string(), &document::read_text(path)?)
-}
-
 /// Runs the simulator of a deployment until its robot has come to the end of its way.
 ///
 /// # Errors
 /// When the world cannot be read, the robot gets no port, or the bus fails.
-pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SimulatorError> {
+pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let world = read_world(&settings.simulator.world)?;
-    let body = Body::of_settings(&settings.robot);
+    let body = robot::body(&settings.robot);
     let mut simulation = Simulation::new(&world, &body, u64::from(settings.simulator.seed.get()));
     let checkpoint = shell.checkpoint();
     let state = resume(&checkpoint, &mut simulation);
     let port = shell.membership().directory().join(PORT_NAME);
-    let terminal = Terminal::open(port.clone()).map_err(|source| SimulatorError::Terminal { path: port.display().to_string(), source })?;
+    let terminal = Terminal::open(port.clone()).with_context(|| format!("cannot open a pseudo-terminal as {}", port.display()))?;
     let mut surfaces = shell.writer()?;
     publish_surfaces(&mut surfaces, &simulation)?;
     let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;
