@@ -3,8 +3,10 @@
 use messages::Pose;
 
 use crate::geometry::{Vector, angle, wrapped};
-use crate::simulation::STANDSTILL_NS;
 use crate::world::{Goal, Robot};
+
+/// How long the robot stands before it sets off: the first packets show a client the start, which is the origin of its map.
+pub const STANDSTILL_NS: u64 = 1_000_000_000;
 
 /// A place to go to.
 #[derive(Debug, Clone, Copy, PartialEq)]

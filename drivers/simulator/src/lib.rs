@@ -36,8 +36,9 @@ mod wall;
 pub mod world;
 
 pub use body::Body;
+pub use journey::STANDSTILL_NS;
 pub use optics::Optics;
 pub use robot_end::RobotEnd;
-pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, STANDSTILL_NS, Simulation};
+pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, Simulation};
 pub use terminal::Terminal;
 pub use world::{World, read_world};

@@ -17,9 +17,6 @@ pub const PACKET_INTERVAL_NS: u64 = 100_000_000;
 /// Time from one ping to the next: a Pioneer fires 25 sonars a second, in turn.
 pub const PING_INTERVAL_NS: u64 = 40_000_000;
 
-/// How long the robot stands before it sets off: the first packets show a client the start, which is the origin of its map.
-pub const STANDSTILL_NS: u64 = 1_000_000_000;
-
 /// A reading that is new in a packet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
