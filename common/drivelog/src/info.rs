@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-use messages::seconds;
+use messages::{printable, seconds};
 
 use crate::damage::LogError;
 use crate::ending::Ending;
@@ -99,8 +99,8 @@ impl Info {
 impl fmt::Display for Info {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Preamble { run, robot, sonars, origin, .. } = &self.preamble;
-        writeln!(f, "run       {run:016x}, {origin}")?;
-        writeln!(f, "robot     {robot}, {} sonars", sonars.len())?;
+        writeln!(f, "run       {run:016x}, {}", printable(origin))?;
+        writeln!(f, "robot     {}, {} sonars", printable(robot), sonars.len())?;
         match self.span_ns() {
             Some((first, last)) => {
                 writeln!(f, "time      {:.3} s, from {:.3} s on", seconds(last.saturating_sub(first)), seconds(first))?;
@@ -108,13 +108,19 @@ impl fmt::Display for Info {
             None => writeln!(f, "time      no message")?,
         }
         for part in &self.parts {
-            writeln!(f, "file      {}: {} bytes, {}", part.path.display(), part.bytes, part.outcome)?;
+            writeln!(
+                f,
+                "file      {}: {} bytes, {}",
+                printable(&part.path.to_string_lossy()),
+                part.bytes,
+                printable(&part.outcome.to_string())
+            )?;
         }
         for (topic, channel) in &self.channels {
-            writeln!(f, "topic     {topic:<24} {:>9} messages  {}", channel.messages, channel.schema)?;
+            writeln!(f, "topic     {:<24} {:>9} messages  {}", printable(topic), channel.messages, printable(&channel.schema))?;
         }
         for damage in &self.damages {
-            writeln!(f, "damage    {damage}")?;
+            writeln!(f, "damage    {}", printable(&damage.to_string()))?;
         }
         let untold = self.damage_count - self.damages.len() as u64;
         if untold > 0 { writeln!(f, "damage    {untold} more") } else { Ok(()) }
