@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use document::Fault;
 
+use crate::text::{NO_TILDE, begins_with_tilde};
 use crate::{BuiltIn, Disturbance, Pace, Port, Program, Provides, RoutedService, Settings, Viewer};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
@@ -92,6 +93,9 @@ impl Settings {
                 }
                 Program::Command(command) if command.first().is_none_or(String::is_empty) => {
                     return Err(Fault::new(format!("process[{index}].command"), "a program and its arguments"));
+                }
+                Program::Command(command) if command.first().is_some_and(|program| begins_with_tilde(program.as_ref())) => {
+                    return Err(Fault::new(format!("process[{index}].command"), NO_TILDE));
                 }
                 Program::Command(command) if command.iter().any(|word| word.contains('\0')) => {
                     return Err(Fault::new(format!("process[{index}].command"), "words without a zero byte"));

@@ -97,6 +97,8 @@ impl TryFrom<PathBuf> for Port {
     fn try_from(path: PathBuf) -> Result<Self, BadText> {
         if path.as_os_str() == SIMULATOR {
             Ok(Self::Simulator)
+        } else if begins_with_tilde(&path) {
+            Err(BadText { expected: NO_TILDE })
         } else if names_a_place(&path) {
             Ok(Self::Device(path))
         } else {
@@ -108,7 +110,17 @@ impl TryFrom<PathBuf> for Port {
 /// Deserializes a path that can be opened at all.
 pub(crate) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf, D::Error> {
     let path = PathBuf::deserialize(deserializer)?;
+    if begins_with_tilde(&path) {
+        return Err(D::Error::custom(BadText { expected: NO_TILDE }));
+    }
     if names_a_place(&path) { Ok(path) } else { Err(D::Error::custom(BadText { expected: "a path" })) }
+}
+
+/// What is expected in place of `~`, which shells expand and a settings file does not: a folder of this name would appear instead.
+pub(crate) const NO_TILDE: &str = "a path without ~, which only a shell expands: write the folder out, or ./~ for a name";
+
+pub(crate) fn begins_with_tilde(path: &Path) -> bool {
+    path.as_os_str().as_encoded_bytes().starts_with(b"~")
 }
 
 fn names_a_place(path: &Path) -> bool {
