@@ -1,5 +1,6 @@
 //! A child process: started, listened to, signalled, buried.
 
+use crate::leftovers::{Origin, kill_descendants};
 use crate::lifecycle::Exit;
 use crate::lines::Lines;
 use crate::usage::Usage;
@@ -96,8 +97,9 @@ impl Child {
 
     /// How the child ended, which it has; what it had started ends with it, and what it wrote last is taken. `before` is called when
     /// nothing of it runs any more, while its process id is still its own.
-    pub(crate) fn bury(&mut self, each: impl FnMut(&str), before: impl FnOnce(u32)) -> io::Result<Exit> {
+    pub(crate) fn bury(&mut self, origin: Origin<'_>, each: impl FnMut(&str), before: impl FnOnce(u32)) -> io::Result<Exit> {
         self.signal(Signal::KILL);
+        kill_descendants(origin);
         self.read_output(each);
         before(self.pid());
         Ok(exit(self.child.wait()?))

@@ -12,7 +12,7 @@
 //! The exception is *rebuilding*: a child that finds the shared memory broken makes the supervisor kill everything, make
 //! the domain anew, and go back to running; the processes go on from their checkpoints.
 
-use crate::events::{Action, Ending, Event, Notice};
+use crate::events::{Action, Ending, Event, Notice, Standstill};
 use crate::lifecycle::{Exit, Lifecycle, Plan, Role, State};
 use crate::policy::{Policy, Restarts};
 use std::time::Duration;
@@ -88,6 +88,7 @@ impl Deployment {
             Event::Exited { process, exit } => self.bury(process, exit, now, &mut actions),
             Event::Rebuilt if matches!(self.phase, Phase::Rebuilding { .. }) => self.phase = Phase::Running,
             Event::StopAsked => self.hurry(now, &mut actions),
+            Event::StoodStill(standstill) => self.give_time_again(standstill, now, &mut actions),
             Event::Rebuilt | Event::Tick => {}
         }
         if ticks {
@@ -222,6 +223,16 @@ impl Deployment {
                 it.state = State::Killed;
                 it.cause.clone_from(&cause);
                 actions.extend([Action::Tell(Notice::Hangs { process, cause }), Action::Kill(process)]);
+            }
+        }
+    }
+
+    /// Processes that stood still with the supervisor need a moment to give a sign of life.
+    fn give_time_again(&mut self, standstill: Standstill, now: Duration, actions: &mut Vec<Action>) {
+        actions.push(Action::Tell(Notice::StoodStill(standstill)));
+        for it in &mut self.processes {
+            if let State::Running { heard } = &mut it.state {
+                *heard = now;
             }
         }
     }

@@ -26,6 +26,8 @@ pub enum Event {
     Rebuilt,
     /// Time has passed.
     Tick,
+    /// The supervisor has not looked for a while, and nothing could be heard.
+    StoodStill(Standstill),
     /// Somebody wants the run to end: orderly at first, then less patiently with every time.
     StopAsked,
 }
@@ -95,6 +97,17 @@ pub enum Notice {
     },
     /// The shared memory is broken; everything starts again.
     Rebuilds,
+    /// The supervisor has not looked for a while.
+    StoodStill(Standstill),
+}
+
+/// Time in which the supervisor did not look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standstill {
+    /// It did not run while the computer did.
+    Stopped(Duration),
+    /// The computer was suspended.
+    Suspended(Duration),
 }
 
 /// Why a run ends.

@@ -2,16 +2,18 @@
 //!
 //! It holds the reading end of a pipe whose writing end only the supervisor holds. When that closes, the supervisor is gone,
 //! and its children with it. What these had started is killed, by the process groups that the supervisor told of over the pipe:
-//! a line `+PID` for a child that has come, `-PID` for one that goes. Then what is left of the domain in shared memory and on disk
+//! a line `+PID` for a child that has come, `-PID` for one that goes, and what has left these by their environment. Then what is left of the domain in shared memory and on disk
 //! is removed.
 
+use crate::leftovers::{self, Origin, kill_descendants};
+use crate::run::own_command;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{ChildStdin, Command, Stdio};
+use std::process::{ChildStdin, Stdio};
 
 /// Waits on standard input for the death of the supervisor, then kills what its children left and removes what is left of the domain
 /// at `directory`.
@@ -23,6 +25,7 @@ pub fn guard(directory: &Path) -> Result<(), GuardError> {
         // Fails when nobody is left in it.
         let _ = kill_process_group(group, Signal::KILL);
     }
+    kill_descendants(Origin { domain: directory, process: None });
     // After an orderly end nothing is left, and the next supervisor may already be there; but not without the folder of all domains.
     let is_left = directory.exists() || !directory.parent().is_some_and(Path::exists);
     if is_left { Ok(bus::sweep(directory)?) } else { Ok(()) }
@@ -65,8 +68,10 @@ pub(crate) struct Guard {
 impl Guard {
     /// Starts a guard; it lives on when this process dies.
     pub(crate) fn start(executable: &Path, directory: &Path) -> io::Result<Self> {
-        let mut command = Command::new(executable);
+        let mut command = own_command(executable);
         command.arg("guard").arg(directory).stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
+        // A process of another deployment may have started this one; the guard is none of its own that end with it.
+        command.env_remove(leftovers::DOMAIN);
         let mut child = command.spawn()?;
         let pipe = child.stdin.take();
         let mut guard = Self { child, pipe };
@@ -104,6 +109,11 @@ impl Guard {
         let _ = self.child.kill();
         let _ = self.child.wait();
         self.pipe = None;
+    }
+
+    /// Its process id.
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
     }
 
     /// Whether it is still there.

@@ -1,7 +1,7 @@
 //! What people are told: as tracing events whose field `process` says whom they are about, and on the bus.
 
 use crate::deployment::Deployment;
-use crate::events::{Ending, Notice};
+use crate::events::{Ending, Notice, Standstill};
 use crate::lines::Line;
 use bus::{BusError, DeploymentClock, Writer};
 use messages::{LogLevel, LogLine, Text};
@@ -86,6 +86,14 @@ fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
         Notice::Restless { after } => {
             (SUPERVISOR, warning(format!("what is being finished still moves after {:.0} s; it is stopped", after.as_secs_f64())))
         }
+        Notice::StoodStill(Standstill::Stopped(time)) => {
+            let cause = "stopped, frozen with its container, or without a processor";
+            (SUPERVISOR, warning(format!("stood still for {:.1} s ({cause}); no process is blamed for that time", time.as_secs_f64())))
+        }
+        Notice::StoodStill(Standstill::Suspended(time)) => (
+            SUPERVISOR,
+            warning(format!("the computer was suspended for {:.0} s; what the robot did meanwhile is missing", time.as_secs_f64())),
+        ),
         Notice::Ends(ending) => {
             let line = match *ending {
                 Ending::Complete => info("the drive has ended; what it left is being finished".to_owned()),

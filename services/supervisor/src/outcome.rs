@@ -5,6 +5,9 @@ use crate::events::Ending;
 use crate::lifecycle::State;
 use messages::MapSummary;
 
+/// Exit code of a run that ended while a process had failed for good, or whose results are incomplete.
+pub const EXIT_INCOMPLETE: u8 = 3;
+
 /// A run that has ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -61,8 +64,9 @@ impl Outcome {
             Ending::Forced => 130,
             Ending::DomainBroken => 1,
             Ending::BadInput { .. } => 2,
-            Ending::Lost { .. } => 3,
-            Ending::Complete | Ending::NothingLeft | Ending::Asked => 3 * u8::from(self.failures().next().is_some()),
+            Ending::Lost { .. } => EXIT_INCOMPLETE,
+            Ending::Complete | Ending::NothingLeft | Ending::Asked if self.failures().next().is_some() => EXIT_INCOMPLETE,
+            Ending::Complete | Ending::NothingLeft | Ending::Asked => 0,
         }
     }
 }

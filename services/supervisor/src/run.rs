@@ -5,14 +5,18 @@ use crate::deployment::Deployment;
 use crate::events::{Action, Event};
 use crate::guard::Guard;
 use crate::held::hold;
+use crate::kernel::check_kernel;
+use crate::leftovers::{self, Origin};
 use crate::lifecycle::{Exit, State};
 use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
+use crate::patience::{KernelTime, LookClock};
 use crate::plan::{plans, policy};
 use crate::ports::Ports;
+use crate::program::find_program;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
-use bus::{DeploymentClock, Domain, DomainError, Received, shared_memory_is_short};
+use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
 use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
 use runtime::{PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -24,6 +28,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -58,6 +63,7 @@ struct Supervisor<'a> {
     settings: &'a Settings,
     options: &'a Options,
     started: Instant,
+    looks: LookClock,
     stop_requests: UnixStream,
     domain: Domain,
     state: RunState,
@@ -83,16 +89,14 @@ struct Prepared {
     settings_path: PathBuf,
     clock: DeploymentClock,
     ports: Ports,
-    out: File,
 }
 
 impl Prepared {
-    fn new(domain: &mut Domain, settings: &Settings, text: &str) -> Result<Self, RunError> {
-        let out = hold(&settings.out)?;
+    fn new(domain: &mut Domain, text: &str) -> Result<Self, RunError> {
         let settings_path = domain.directory().join("settings.toml");
         write_settings(&settings_path, text)?;
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
-        Ok(Self { ports: Ports::open(domain, clock)?, settings_path, clock, out })
+        Ok(Self { ports: Ports::open(domain, clock)?, settings_path, clock })
     }
 }
 
@@ -104,13 +108,16 @@ fn write_settings(path: &Path, text: &str) -> Result<(), RunError> {
 impl<'a> Supervisor<'a> {
     fn start(settings: &'a Settings, options: &'a Options) -> Result<Self, RunError> {
         let text = settings.to_toml()?;
+        check_kernel()?;
+        // Before anything that another deployment may be using is touched.
+        let out = hold(&settings.out).map_err(|error| already_running(settings, error))?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;
         let persisted = options.state.as_deref().map(|folder| PersistedState { folder, made_with: &made_with, fresh: options.fresh });
         let (state, mut domain) = RunState::open(settings.name.as_str(), options.speed, &routed, persisted)?;
-        let prepared = Prepared::new(&mut domain, settings, &text);
-        let Prepared { settings_path, clock, ports, out } = match prepared {
+        let prepared = Prepared::new(&mut domain, &text);
+        let Prepared { settings_path, clock, ports } = match prepared {
             Ok(prepared) => prepared,
             Err(error) => {
                 domain.close()?;
@@ -125,6 +132,7 @@ impl<'a> Supervisor<'a> {
             settings,
             options,
             started: Instant::now(),
+            looks: LookClock::start(KernelTime::now()),
             stop_requests,
             settings_path,
             clock,
@@ -146,8 +154,9 @@ impl<'a> Supervisor<'a> {
         Ok(supervisor)
     }
 
+    /// The time of deadlines, which does not pass while the supervisor stands still.
     fn now(&self) -> Duration {
-        self.started.elapsed()
+        self.looks.now()
     }
 
     fn supervise(&mut self, on_report: &mut dyn FnMut(Report<'_>)) -> Result<(), RunError> {
@@ -158,8 +167,10 @@ impl<'a> Supervisor<'a> {
             self.sit_out_full_memory()?;
             self.domain.refresh();
             // However long the supervisor itself could not look: what waits by now was said in time.
+            let standstill = self.looks.look(KernelTime::now());
             let now = self.now();
-            changed = self.take_heartbeats()?;
+            changed = standstill.map_or(Ok(false), |standstill| self.feed(Event::StoodStill(standstill)))?;
+            changed |= self.take_heartbeats()?;
             changed |= self.take_stop_requests()?;
             self.take_summary(on_report)?;
             changed |= self.take_output_and_exits()?;
@@ -218,7 +229,7 @@ impl<'a> Supervisor<'a> {
         match action {
             Action::Spawn { process, incarnation } => match self.spawn(process, incarnation) {
                 Ok(child) => {
-                    self.vitals[process].begin(self.started.elapsed());
+                    self.vitals[process].begin(self.looks.now());
                     self.guard.iter_mut().for_each(|guard| guard.take(child.pid()));
                     self.children[process] = Some(child);
                 }
@@ -254,7 +265,7 @@ impl<'a> Supervisor<'a> {
         let it = &self.settings.process[process];
         let mut command = match &it.program {
             Program::BuiltIn(kind) => {
-                let mut command = Command::new(&self.options.executable);
+                let mut command = own_command(&self.options.executable);
                 command.args(["process", kind.word()]);
                 if *kind == BuiltIn::Recorder {
                     command.env(PIECES_APART.0, PIECES_APART.1);
@@ -263,6 +274,7 @@ impl<'a> Supervisor<'a> {
             }
             Program::Command(words) => {
                 let (program, arguments) = words.split_first().ok_or_else(|| io::Error::other("the command is empty"))?;
+                find_program(program).map_err(io::Error::other)?;
                 let mut command = Command::new(program);
                 command.args(arguments);
                 command
@@ -310,7 +322,7 @@ impl<'a> Supervisor<'a> {
                 Err(error) => return Err(RunError::System { what: "poll", source: error.into() }),
             }
         }
-        self.started += since.elapsed();
+        self.looks.skip(KernelTime::now());
         tracing::info!("/dev/shm was full for {:.1} s", since.elapsed().as_secs_f64());
         Ok(())
     }
@@ -334,7 +346,7 @@ impl<'a> Supervisor<'a> {
             let Some(process) = self.settings.process.iter().position(|it| it.name.as_str() == name) else { continue };
             // One that was sent by a child that is already gone says nothing of the present one.
             if self.children[process].as_ref().is_some_and(|child| child.is(heartbeat.pid)) {
-                self.vitals[process].hear(&heartbeat, self.started.elapsed());
+                self.vitals[process].hear(&heartbeat, self.looks.now());
                 // Until it works, its inputs may not be open yet.
                 if heartbeat.phase == Phase::Starting as u32 {
                     continue;
@@ -367,7 +379,8 @@ impl<'a> Supervisor<'a> {
             let mut exit = None;
             if child.has_ended().map_err(waiting)? {
                 let give_up = |pid| self.guard.iter_mut().for_each(|guard| guard.give_up(pid));
-                exit = Some(child.bury(|line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
+                let origin = Origin { domain: self.domain.directory(), process: Some(name) };
+                exit = Some(child.bury(origin, |line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
             }
             if let Some(ports) = &mut self.ports {
                 lines.iter().try_for_each(|line| ports.log.pass_on(name, line))?;
@@ -393,6 +406,7 @@ impl<'a> Supervisor<'a> {
             }
             // A visitor is nobody's child: nothing else tells that it was killed.
             self.domain.remove_dead_nodes();
+            self.reap_strangers();
             for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
                 if let Some(child) = child {
                     vitals.sample(child.usage(), self.units, now);
@@ -410,10 +424,17 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
+    /// No process must stay a zombie for as long as the run lasts, whoever started it.
+    fn reap_strangers(&self) {
+        let children = self.children.iter().flatten().map(Child::pid);
+        let known: Vec<u32> = children.chain(self.guard.as_ref().map(Guard::pid)).collect();
+        leftovers::reap_strangers(|pid| known.contains(&pid));
+    }
+
     fn status(&self, now: Duration) -> DeploymentStatus {
         let mut status = DeploymentStatus {
             deployment: Text::new(self.settings.name.as_str()),
-            uptime_ms: now.as_millis() as u64,
+            uptime_ms: self.started.elapsed().as_millis() as u64,
             ending: u32::from(self.deployment.ending().is_some()),
             ..DeploymentStatus::default()
         };
@@ -442,6 +463,26 @@ impl<'a> Supervisor<'a> {
                 Err(error) => tracing::warn!("no guard: a killed supervisor would leave its domain behind: {error}"),
             }
         }
+    }
+}
+
+/// The command of this executable, under the name that it was started by.
+pub(crate) fn own_command(executable: &Path) -> Command {
+    let mut command = Command::new(executable);
+    if let Some(name) = std::env::args_os().next() {
+        command.arg0(name);
+    }
+    command
+}
+
+/// Of two deployments with one name the second has the same folder of outputs, too; that it runs already says more.
+fn already_running(settings: &Settings, error: RunError) -> RunError {
+    let running = RunningDomain::all().unwrap_or_default();
+    match running.into_iter().find(|domain| domain.name() == settings.name.as_str()) {
+        Some(domain) if matches!(error, RunError::OutputTaken { .. }) => {
+            DomainError::Running { name: domain.name().to_owned(), pid: domain.pid().to_string() }.into()
+        }
+        Some(_) | None => error,
     }
 }
 

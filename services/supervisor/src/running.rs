@@ -11,7 +11,8 @@ use std::path::PathBuf;
 pub struct Options {
     /// Deployment seconds that pass in a second of the wall clock.
     pub speed: f64,
-    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard()`].
+    /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard()`]. With
+    /// `/proc/self/exe` that is the file that the supervisor runs, whatever has taken its name since.
     pub executable: PathBuf,
     /// Where the state of the processes outlives the deployment, so that the next start goes on; nowhere when not given.
     pub state: Option<PathBuf>,
@@ -42,6 +43,14 @@ pub enum RunError {
     OutputTaken {
         /// The folder.
         out: PathBuf,
+    },
+    /// The kernel, or the sandbox that a container puts in front of it, lacks a system call.
+    #[error("{call}: {source}: stillmap needs Linux 5.4 or newer, and a container that allows this system call")]
+    Kernel {
+        /// The system call.
+        call: &'static str,
+        /// What the system says.
+        source: io::Error,
     },
     /// The supervisor's own use of the bus failed.
     #[error("{0}")]

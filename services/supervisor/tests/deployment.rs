@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use std::collections::VecDeque;
 use std::time::Duration;
-use stillmap_supervisor::{Action, Deployment, Ending, Event, Exit, Notice, Plan, Policy, Role, State};
+use stillmap_supervisor::{Action, Deployment, Ending, Event, Exit, Notice, Plan, Policy, Role, Standstill, State};
 
 fn ms(ms: u64) -> Duration {
     Duration::from_millis(ms)
@@ -114,6 +114,15 @@ fn a_hung_process_is_killed_and_restarted() {
         }
     }
     assert_eq!(it.processes().iter().map(|it| it.restarted()).collect::<Vec<_>>(), [0, 1, 0, 0]);
+}
+
+#[test]
+fn after_a_standstill_each_process_has_its_whole_time_again() {
+    let mut it = running_demo();
+    let actions = it.step(Event::StoodStill(Standstill::Stopped(ms(12_000))), ms(2000));
+    assert_eq!(actions, [Action::Tell(Notice::StoodStill(Standstill::Stopped(ms(12_000))))]);
+    assert_eq!(commands(&it.step(Event::Tick, ms(3999))), []);
+    assert_eq!(commands(&it.step(Event::Tick, ms(4000))).len(), 4, "they are silent for as long as they may");
 }
 
 #[test]

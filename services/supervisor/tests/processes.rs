@@ -34,6 +34,11 @@ fn main() -> ExitCode {
             outcome.processes.iter().for_each(|it| println!("{it:?}"));
             ExitCode::from(outcome.exit_code())
         }
+        // As the first process of a container, it is given the orphans.
+        ["supervise-orphans", text] => {
+            rustix::process::set_child_subreaper(Some(rustix::process::getpid())).unwrap();
+            ExitCode::from(run(&Settings::parse("test", text).unwrap(), &options(), &mut |_| {}).unwrap().exit_code())
+        }
         ["visit", name] => visit(name),
         // A filter or an option of the usual harness: there is nothing to choose.
         _ => all_tests(),
@@ -58,6 +63,9 @@ const TESTS: &[(&str, fn())] = &[
     ("visitors_that_were_killed_take_no_place_for_long", visitors_that_were_killed_take_no_place_for_long),
     ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
     ("what_a_child_started_outlives_no_killed_supervisor", what_a_child_started_outlives_no_killed_supervisor),
+    ("a_session_of_its_own_outlives_no_killed_supervisor", a_session_of_its_own_outlives_no_killed_supervisor),
+    ("a_session_of_its_own_outlives_no_process_that_dies", a_session_of_its_own_outlives_no_process_that_dies),
+    ("orphans_that_end_are_no_zombies", orphans_that_end_are_no_zombies),
 ];
 
 fn all_tests() -> ExitCode {
@@ -309,6 +317,51 @@ fn what_a_child_started_outlives_no_killed_supervisor() {
     let script = "sleep 100000 & echo $! > $0.part; mv $0.part $0; wait";
     let text = format!("name = \"test\"\n[[process]]\nname = \"starts\"\ncommand = [\"sh\", \"-c\", {script:?}, {up:?}]\n");
     is_gone_with_its_supervisor(&text, &up);
+}
+
+/// A process that starts another in a session of its own, whose id it writes into the file.
+fn starts_a_session(up: &Path) -> String {
+    let script = "setsid sh -c 'echo $$ > $0.part; mv $0.part $0; exec sleep 100000' $0 & wait";
+    format!("[[process]]\nname = \"starts\"\ncommand = [\"sh\", \"-c\", {script:?}, {up:?}]\n")
+}
+
+fn a_session_of_its_own_outlives_no_killed_supervisor() {
+    let up = runtime().join("session-is-up");
+    is_gone_with_its_supervisor(&format!("name = \"test\"\n{}", starts_a_session(&up)), &up);
+}
+
+fn a_session_of_its_own_outlives_no_process_that_dies() {
+    let up = runtime().join("session-is-up");
+    let starts = starts_a_session(&up).replace("& wait", "& while [ ! -e $0 ]; do :; done; exit 7");
+    let text =
+        settings(&["waits", "runs"]).replace("restarts = 3", "restarts = 0").replacen("[[process]]", &format!("{starts}[[process]]"), 1);
+    let supervisor = start(&text);
+    wait_until(|| up.exists());
+    let process: i32 = std::fs::read_to_string(&up).unwrap().trim().parse().unwrap();
+    wait_until(|| is_dead(process));
+    signal(&supervisor, Signal::TERM);
+    assert_eq!(supervisor.wait_with_output().unwrap().status.code(), Some(3));
+    std::fs::remove_file(up).unwrap();
+}
+
+fn orphans_that_end_are_no_zombies() {
+    let up = runtime().join("orphan-is-up");
+    // The orphan ends once it is told to, which is when its parent has ended.
+    let script = "mkfifo $0.end; (sh -c 'echo $$ > $0.part; mv $0.part $0; read word < $0.end' $0 &); sleep 100000";
+    let starts = format!("[[process]]\nname = \"starts\"\ncommand = [\"sh\", \"-c\", {script:?}, {up:?}]\n");
+    let text = format!("name = \"test\"\n[supervisor]\nstartup_deadline_s = 600\n{starts}");
+    let mut command = std::process::Command::new(std::env::current_exe().unwrap());
+    let mut supervisor = command.args(["supervise-orphans", &text]).spawn().unwrap();
+    wait_until(|| up.exists());
+    let orphan = Path::new("/proc").join(std::fs::read_to_string(&up).unwrap().trim());
+    let parent = format!("PPid:\t{}\n", supervisor.id());
+    wait_until(|| std::fs::read_to_string(orphan.join("status")).unwrap().contains(&parent));
+    std::fs::write(up.with_extension("end"), "now\n").unwrap();
+    wait_until(|| !orphan.exists());
+    signal(&supervisor, Signal::TERM);
+    supervisor.wait().unwrap();
+    std::fs::remove_file(up.with_extension("end")).unwrap();
+    std::fs::remove_file(up).unwrap();
 }
 
 /// Kills the supervisor once there is a file with the id of a process that is to die of it.
