@@ -1,6 +1,8 @@
 //! Arguments that several subcommands have.
 
+use crate::exit::BadInput;
 use clap::Args;
+use std::ffi::OsString;
 use std::fmt::{Display, Formatter};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -50,6 +52,19 @@ impl Display for NumberRange {
     }
 }
 
+/// Fails for an argument that begins with `~/`, as in `--out=~/maps`: shells do not expand it there, and a folder named `~` would be
+/// created.
+pub(crate) fn check_tilde(arguments: impl Iterator<Item = OsString>) -> Result<(), BadInput> {
+    for argument in arguments {
+        let text = argument.to_string_lossy();
+        let value = text.split_once('=').filter(|(option, _)| option.starts_with("--")).map_or(&*text, |(_, value)| value);
+        if value.starts_with("~/") || value == "~" {
+            return Err(BadInput(format!("{text}: the shell has not expanded ~: put a space before it, or the name of the folder")));
+        }
+    }
+    Ok(())
+}
+
 fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(speed) if (0.01..=100.0).contains(&speed) => Ok(speed),
@@ -66,6 +81,17 @@ mod tests {
         assert_eq!(speed("2.5"), Ok(2.5));
         for wrong in ["", "0", "-1", "nan", "inf", "1000", "fast"] {
             assert!(speed(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_tilde_that_no_shell_expanded_is_refused() {
+        let refused = |words: &[&str]| check_tilde(words.iter().map(OsString::from)).is_err();
+        for words in [&["run", "--out=~/x"][..], &["run", "~/x.toml"], &["map", "--out", "~"]] {
+            assert!(refused(words), "{words:?}");
+        }
+        for words in [&["run", "/home/me/x.toml"][..], &["run", "./~/x.toml"], &["run", "x~.toml"], &["inject", "--seed=1"]] {
+            assert!(!refused(words), "{words:?}");
         }
     }
 

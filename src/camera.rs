@@ -2,9 +2,10 @@
 
 use crate::exit::BadInput;
 use crate::output;
-use camera::{Coding, ControlInfo, Held, Offer, Snapshot, Trouble, Wish};
+use camera::{Coding, ControlInfo, Held, Identity, Offer, Snapshot, Trouble, Wish};
 use clap::Subcommand;
 use image::{GrayImage, ImageFormat};
+use messages::printable;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -96,7 +97,7 @@ fn bad_device(device: &Path, error: &impl std::fmt::Display) -> BadInput {
 
 /// The formats and controls of a camera as text.
 fn describe(device: &Path, offer: &Offer) -> String {
-    let mut text = format!("{}: {} ({}, {})\n", device.display(), offer.identity.card, offer.identity.driver, offer.identity.bus);
+    let mut text = format!("{}: {}\n", device.display(), printable(&identity_text(&offer.identity)));
     if offer.inputs.len() > 1 {
         let inputs: Vec<_> = offer.inputs.iter().enumerate().map(|(number, name)| format!("{number} {name}")).collect();
         add(&mut text, "inputs", &inputs);
@@ -126,6 +127,10 @@ fn describe(device: &Path, offer: &Offer) -> String {
     text
 }
 
+fn identity_text(identity: &Identity) -> String {
+    format!("{} ({}, {})", identity.card, identity.driver, identity.bus)
+}
+
 fn size_text((width, height, rate_hz): (u32, u32, Option<f64>)) -> String {
     let rate = rate_hz.map(|rate_hz| format!(" to {rate_hz:.0} Hz")).unwrap_or_default();
     format!("{width} × {height}{rate}")
@@ -133,7 +138,7 @@ fn size_text((width, height, rate_hz): (u32, u32, Option<f64>)) -> String {
 
 fn add(text: &mut String, what: &str, entries: &[String]) {
     // Writing to a string does not fail.
-    let _ = writeln!(text, "  {what}: {}", entries.join(", "));
+    let _ = writeln!(text, "  {}: {}", printable(what), printable(&entries.join(", ")));
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
@@ -145,7 +150,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use camera::{Identity, OfferedFormat};
+    use camera::OfferedFormat;
 
     #[test]
     fn a_camera_is_described_in_lines() {

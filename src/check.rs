@@ -1,9 +1,18 @@
-//! `stillmap check`: settings before they are used.
+//! `stillmap check`: settings before they are used, and whether the programs and devices that they name exist.
 
+use crate::exit::BadInput;
 use crate::output;
 use clap::Args;
-use settings::{BuiltIn, Settings};
+use rustix::fs::OFlags;
+use settings::{BuiltIn, Port, Program, Settings};
+use std::fs::OpenOptions;
+use std::io;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use supervisor::find_program;
+
+/// Opens a device without waiting for a carrier, and without making it the terminal of this command (open(2)).
+const WITHOUT_WAITING: OFlags = OFlags::NONBLOCK.union(OFlags::NOCTTY);
 
 /// Arguments of `stillmap check`.
 #[derive(Debug, Args)]
@@ -33,6 +42,10 @@ pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
 /// Checks a settings file with the files that it names, and prints its processes.
 fn check_file(path: &Path) -> anyhow::Result<()> {
     let settings = read(path)?;
+    let missing: Vec<String> = missing_programs(&settings).into_iter().chain(missing_devices(&settings)).collect();
+    if !missing.is_empty() {
+        return Err(BadInput(format!("{}: {}", path.display(), missing.join("; "))).into());
+    }
     let processes = settings.process.iter().map(|process| process.name.to_string()).collect::<Vec<_>>().join(", ");
     output::line(&format!("{}: valid: deployment {} with the processes {processes}", path.display(), settings.name))?;
     Ok(())
@@ -50,5 +63,48 @@ pub(crate) fn check_files(settings: &Settings) -> anyhow::Result<()> {
     if settings.runs(BuiltIn::Simulator) {
         simulator::read_world(&settings.simulator.world)?;
     }
+    if settings.runs(BuiltIn::Playback) {
+        drivelog::Log::open(&settings.playback.log)?;
+    }
     Ok(())
+}
+
+/// Fails for settings that name a program that does not exist. A device may appear later: its driver waits for it.
+pub(crate) fn check_programs(settings: &Settings) -> Result<(), BadInput> {
+    missing_programs(settings).into_iter().next().map_or(Ok(()), |missing| Err(BadInput(missing)))
+}
+
+/// The programs that cannot be started, with the reasons.
+fn missing_programs(settings: &Settings) -> Vec<String> {
+    let commands = settings.process.iter().filter_map(|process| match &process.program {
+        Program::Command(words) => Some((&process.name, words.first()?)),
+        Program::BuiltIn(_) => None,
+    });
+    commands.filter_map(|(name, program)| find_program(program).err().map(|error| format!("process {name}: {error}"))).collect()
+}
+
+/// The devices that cannot be opened, with the reasons.
+fn missing_devices(settings: &Settings) -> Vec<String> {
+    let mut missing = Vec::new();
+    if let (true, Port::Device(port)) = (settings.runs(BuiltIn::Pioneer), &settings.pioneer.port) {
+        missing.extend(device_trouble("pioneer.port", port, "is the robot's cable plugged in?"));
+    }
+    if settings.runs(BuiltIn::Camera) {
+        missing.extend(device_trouble("camera.device", &settings.camera.device, "is the camera plugged in?"));
+    }
+    missing
+}
+
+fn device_trouble(key: &str, device: &Path, question: &str) -> Option<String> {
+    let trouble = |what: String| Some(format!("{key} {}: {what}", device.display()));
+    let opened = OpenOptions::new().read(true).write(true).custom_flags(WITHOUT_WAITING.bits() as i32).open(device);
+    match opened.and_then(|file| file.metadata()) {
+        Ok(found) if found.file_type().is_char_device() => None,
+        Ok(_) => trouble("not a device".to_owned()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => trouble(format!("no such device: {question}")),
+        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => trouble(format!("{error}: is this user in the device's group?")),
+        // Another program uses it. The driver waits for that.
+        Err(error) if error.kind() == io::ErrorKind::ResourceBusy => None,
+        Err(error) => trouble(error.to_string()),
+    }
 }

@@ -30,7 +30,8 @@ const ENVIRONMENT: &str = "\
 Environment:
   STILLMAP_LOG          Level of log lines: error, warn, info, debug or trace; or a list of levels
                         by module, such as info,mapping=debug.
-  STILLMAP_RUNTIME_DIR  Folder of the running deployments.";
+  STILLMAP_RUNTIME_DIR  Folder of the running deployments.
+  NO_COLOR              If not empty, no text is coloured.";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
@@ -97,7 +98,7 @@ impl Command {
             Self::Pioneer(command) => pioneer::pioneer(command)?,
             Self::Inject(args) => inject::inject(args)?,
             Self::Evaluate(args) => evaluate::evaluate(args, bars)?,
-            Self::Log(command) => log::log(command)?,
+            Self::Log(command) => return log::log(command),
             Self::Check(args) => check::check(args)?,
             Self::Process { kind } => process::process(kind)?,
             Self::Guard { directory } => supervisor::guard(directory)?,

@@ -1,10 +1,10 @@
 //! `stillmap demo`: the built-in deployment. It needs no other file than the command.
 
 use crate::args::RunOptions;
-use crate::drive::{drive, once, place_output, unique_name};
+use crate::drive::{drive, once, place_output, print, unique_name};
 use crate::evaluate::score_run;
 use crate::exit::BadInput;
-use crate::{built_in, exit, output};
+use crate::{built_in, exit};
 use clap::Args;
 use indicatif::MultiProgress;
 use settings::{BuiltIn, Settings};
@@ -45,8 +45,8 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
         let log = settings.out.join(settings.recorder.file.as_str());
         match score_run(&settings.out, &log) {
             Ok(figures) => {
-                output::line(&format!("ghosts     {figures}"))?;
-                output::line(&format!("           {}", settings.out.join("comparison.png").display()))?;
+                let comparison = settings.out.join("comparison.png");
+                print(&[format!("ghosts     {figures}"), format!("           {}", comparison.display())]);
             }
             Err(error) => tracing::warn!("the map cannot be scored: {error}"),
         }

@@ -48,7 +48,8 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
 
 /// Options for a run whose state is not resumed later.
 pub(crate) fn once(speed: f64) -> anyhow::Result<Options> {
-    Ok(Options { speed, executable: std::env::current_exe()?, state: None, fresh: false })
+    // Restarts run the same file as the supervisor, even after another one has replaced it under its name.
+    Ok(Options { speed, executable: "/proc/self/exe".into(), state: None, fresh: false })
 }
 
 /// Runs a deployment and prints its summary; the exit code. With `open` a browser shows the page.
@@ -66,12 +67,15 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     });
     progress.end();
     let outcome = result?;
-    summarize(settings, &outcome, started.elapsed().as_secs_f64())?;
-    if doubtful_poses > 0 {
-        let gaps = if doubtful_poses == 1 { "1 gap".to_owned() } else { format!("{doubtful_poses} gaps") };
-        output::line(&format!("poses      DOUBTFUL after {gaps}: the map may be shifted from there on"))?;
-    }
+    print(&summary(settings, &outcome, doubtful_poses, started.elapsed().as_secs_f64()));
     Ok(outcome.exit_code())
+}
+
+/// Prints lines about a run that has ended. The exit code does not depend on whether they could be written.
+pub(crate) fn print(lines: &[String]) {
+    if let Err(error) = lines.iter().try_for_each(|line| output::line(line)) {
+        tracing::warn!("{error}");
+    }
 }
 
 /// The sum of the processes' counters of this name.
@@ -80,12 +84,10 @@ fn count(status: &DeploymentStatus, name: &str) -> u64 {
     processes.filter_map(|process| progress::counter(process, name)).sum()
 }
 
-fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Result<()> {
-    for (process, cause) in outcome.failures() {
-        output::line(&format!("failed     {process}: {cause}"))?;
-    }
+fn summary(settings: &Settings, outcome: &Outcome, doubtful_poses: u64, wall_s: f64) -> Vec<String> {
+    let mut lines: Vec<String> = outcome.failures().map(|(process, cause)| format!("failed     {process}: {cause}")).collect();
     if outcome.exit_code() == exit::BAD_INPUT {
-        return Ok(());
+        return lines;
     }
     let restarted: Vec<String> = outcome
         .processes
@@ -97,26 +99,34 @@ fn summarize(settings: &Settings, outcome: &Outcome, wall_s: f64) -> anyhow::Res
         })
         .collect();
     if !restarted.is_empty() {
-        output::line(&format!("restarted  {}", restarted.join(", ")))?;
+        lines.push(format!("restarted  {}", restarted.join(", ")));
     }
     if settings.runs(BuiltIn::Recorder) {
-        output::line(&format!("log        {}", settings.out.join(settings.recorder.file.as_str()).display()))?;
+        lines.push(format!("log        {}", settings.out.join(settings.recorder.file.as_str()).display()));
     }
     match &outcome.map {
-        Some(map) => summarize_map(&settings.out, map, wall_s),
-        None if settings.runs(BuiltIn::Mapping) => Ok(output::line("map        not finished")?),
-        None => Ok(()),
+        Some(map) => lines.extend(map_summary(&settings.out, map, wall_s)),
+        None if settings.runs(BuiltIn::Mapping) => lines.push("map        not finished".to_owned()),
+        None => {}
     }
+    if doubtful_poses > 0 {
+        let gaps = if doubtful_poses == 1 { "1 gap".to_owned() } else { format!("{doubtful_poses} gaps") };
+        lines.push(format!("poses      DOUBTFUL after {gaps}: the map may be shifted from there on"));
+    }
+    lines
 }
 
-fn summarize_map(out: &Path, map: &MapSummary, wall_s: f64) -> anyhow::Result<()> {
-    output::line(&format!("map        {}", out.join("map.png").display()))?;
-    output::line(&format!("           {} with map.pgm, for ROS map_server and nav2", out.join("map.yaml").display()))?;
-    output::line(&format!("figures    {} scans with {} readings over {:.1} m, in {:.1} s", map.scans, map.readings, map.way_m, wall_s))?;
+fn map_summary(out: &Path, map: &MapSummary, wall_s: f64) -> Vec<String> {
+    let mut lines = vec![
+        format!("map        {}", out.join("map.png").display()),
+        format!("           {} with map.pgm, for ROS map_server and nav2", out.join("map.yaml").display()),
+        format!("figures    {} scans with {} readings over {:.1} m, in {:.1} s", map.scans, map.readings, map.way_m, wall_s),
+    ];
     if map.withheld > 0 || map.undecided > 0 {
-        output::line(&format!("verdicts   {} readings withheld, {} undecided", map.withheld, map.undecided))?;
+        lines.push(format!("verdicts   {} readings withheld, {} undecided", map.withheld, map.undecided));
     }
-    Ok(output::line(&format!("map sha256 {}", hex(&map.sha256)))?)
+    lines.push(format!("map sha256 {}", hex(&map.sha256)));
+    lines
 }
 
 /// Bytes as hexadecimal digits.

@@ -4,8 +4,9 @@
 //! | --- | --- | --- |
 //! | 0 | [`SUCCESS`] | Everything that was asked for is done. A run ended by itself, or stopped in order when it was asked to. |
 //! | 1 | [`FAILURE`] | stillmap itself failed, or a deployment did not answer. |
-//! | 2 | [`BAD_INPUT`] | An argument, or a file that it names, is invalid. |
-//! | 3 | | The run ended, but a process had failed for good or had to be killed. |
+//! | 2 | [`BAD_INPUT`] | An argument, or a file that it names, is invalid; `check`: a program or device that the settings name is missing. |
+//! | 3 | [`INCOMPLETE`] | `run`, `demo`, `replay`, `status`: a process failed for good or had to be killed. `log info`: the log is damaged or parts of it are missing. |
+//! | 4 | [`NOT_RUNNING`] | No deployment is running, or none of the given name. |
 //! | 70 | [`BROKEN_DOMAIN`] | The shared memory of the deployment is damaged. The supervisor creates it anew on this code. |
 //! | 130 | | The second request to stop killed every process. |
 //!
@@ -19,6 +20,10 @@ pub(crate) const SUCCESS: u8 = 0;
 pub(crate) const FAILURE: u8 = 1;
 /// An argument, or a file that it names, is invalid.
 pub(crate) const BAD_INPUT: u8 = supervisor::EXIT_BAD_INPUT;
+/// A process failed for good, or a result is incomplete.
+pub(crate) const INCOMPLETE: u8 = supervisor::EXIT_INCOMPLETE;
+/// No deployment is running, or none of the given name.
+pub(crate) const NOT_RUNNING: u8 = 4;
 /// The shared memory of the deployment is damaged.
 pub(crate) const BROKEN_DOMAIN: u8 = bus::EXIT_BROKEN_DOMAIN;
 
@@ -28,7 +33,8 @@ Exit codes:
     0  Everything that was asked for is done.
     1  stillmap itself failed, or a deployment did not answer.
     2  An argument, or a file that it names, is invalid.
-    3  The run ended, but a process had failed for good or had to be killed.
+    3  A process failed for good or had to be killed, or a log is incomplete.
+    4  No deployment is running, or none of the given name.
    70  The shared memory of the deployment is damaged.
   130  A second request to stop killed every process.";
 
@@ -37,11 +43,18 @@ Exit codes:
 #[error("{0}")]
 pub(crate) struct BadInput(pub(crate) String);
 
+/// A deployment that does not run, described in one line.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct NotRunning(pub(crate) String);
+
 /// The exit code for an error. An invalid input anywhere in its chain of causes decides before a broken domain does.
 pub(crate) fn code(error: &anyhow::Error) -> u8 {
     let broken = |error: &(dyn std::error::Error + 'static)| error.downcast_ref::<BusError>().is_some_and(BusError::is_broken_domain);
     if error.chain().any(blames_input) {
         BAD_INPUT
+    } else if error.is::<NotRunning>() {
+        NOT_RUNNING
     } else if error.chain().any(broken) {
         BROKEN_DOMAIN
     } else {
@@ -62,7 +75,7 @@ mod tests {
 
     #[test]
     fn help_lists_every_code() {
-        for code in [SUCCESS, FAILURE, BAD_INPUT, 3, BROKEN_DOMAIN, 130] {
+        for code in [SUCCESS, FAILURE, BAD_INPUT, INCOMPLETE, NOT_RUNNING, BROKEN_DOMAIN, 130] {
             assert!(HELP.lines().any(|line| line.starts_with(&format!("{code:>5}  "))), "{code}");
         }
     }
@@ -73,6 +86,7 @@ mod tests {
         let step: runtime::StepError = Box::new(refused);
         assert_eq!(code(&anyhow::Error::new(runtime::RunError::Step(step))), 2);
         assert_eq!(code(&anyhow::Error::new(BadInput("no".to_owned()))), 2);
+        assert_eq!(code(&anyhow::Error::new(NotRunning("no".to_owned()))), 4);
         let broken = BusError::BrokenDomain { service: "robot/scan", detail: String::new() };
         assert_eq!(code(&anyhow::Error::new(runtime::RunError::Bus(broken))), BROKEN_DOMAIN);
         assert_eq!(code(&anyhow::anyhow!("anything")), 1);

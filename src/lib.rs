@@ -23,31 +23,39 @@ mod progress;
 mod replay;
 mod run;
 mod running;
+mod stack;
 mod status;
+mod terminal;
 mod top;
 
 use clap::Parser;
 use cli::Cli;
-use indicatif::MultiProgress;
-use std::io::Write;
 use std::process::ExitCode;
 
 /// Runs the command that the arguments of this process name; the exit code is what the process ends with.
 #[must_use]
 pub fn main() -> ExitCode {
+    // The kernel names a process after the file that it runs, which is `exe` where its supervisor started it. Only lists show the name.
+    let _ = rustix::thread::set_name(c"stillmap");
+    stack::with_enough(parse_and_carry_out)
+}
+
+fn parse_and_carry_out() -> ExitCode {
     let command = Cli::parse().command;
-    let bars = MultiProgress::new();
+    let bars = terminal::bars();
     let result = if command.is_process() { logging::for_supervisor() } else { logging::for_people(bars.clone()) };
-    match result.and_then(|()| command.carry_out(&bars)) {
-        Ok(code) => ExitCode::from(code),
+    let arguments = || args::check_tilde(std::env::args_os().skip(1)).map_err(anyhow::Error::from);
+    let code = match result.and_then(|()| arguments()).and_then(|()| command.carry_out(&bars)) {
+        Ok(code) => code,
         Err(error) => {
             if command.is_process() {
                 tracing::error!("{error}");
             } else {
-                // If standard error cannot be written to, the error is lost.
-                let _ = writeln!(std::io::stderr(), "error: {error}");
+                terminal::screen().push(format!("error: {}\n", messages::printable(&error.to_string())).as_bytes());
             }
-            ExitCode::from(exit::code(&error))
+            exit::code(&error)
         }
-    }
+    };
+    terminal::flush();
+    ExitCode::from(code)
 }

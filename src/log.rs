@@ -1,6 +1,6 @@
 //! `stillmap log`: describes, recovers and imports logs.
 
-use crate::output;
+use crate::{exit, output};
 use clap::{Subcommand, ValueEnum};
 use std::path::{Path, PathBuf};
 
@@ -41,17 +41,23 @@ pub(crate) enum ImportFormat {
     Robond,
 }
 
-/// Carries out a `log` command.
-pub(crate) fn log(command: &LogCommand) -> anyhow::Result<()> {
+/// Carries out a `log` command; the exit code.
+pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
     match command {
-        LogCommand::Info { log } => output::write(&drivelog::info(log)?.to_string())?,
+        LogCommand::Info { log } => {
+            let info = drivelog::info(log)?;
+            output::write(&info.to_string())?;
+            if !info.is_whole() {
+                return Ok(exit::INCOMPLETE);
+            }
+        }
         LogCommand::Recover { log, out } => recover(log, out.clone().unwrap_or_else(|| recovered_name(log)))?,
         LogCommand::Import { format: ImportFormat::Robond, from, out } => {
             let imported = drivelog::import_robond(from, out)?;
             output::line(&format!("{}: {} scans", out.display(), imported.scans))?;
         }
     }
-    Ok(())
+    Ok(exit::SUCCESS)
 }
 
 fn recover(log: &Path, out: PathBuf) -> anyhow::Result<()> {

@@ -1,12 +1,14 @@
 //! Log lines: JSON for the supervisor in a process of a deployment, text for people in every other command.
 //!
-//! Standard error may be a closed terminal or a file on a full disk: a line that cannot be written is lost, and the process continues.
-//! Lost lines are not reported, because that would write to standard error again and panic.
+//! A line that cannot be written is lost, and the process continues. tracing does not report lost lines, because that would write to
+//! standard error again and panic.
 
 use crate::exit::BadInput;
+use crate::terminal::{Abilities, Screen, screen};
 use indicatif::MultiProgress;
+use messages::printable;
 use std::fmt::Write as _;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::time::Instant;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Subscriber};
@@ -30,9 +32,9 @@ pub(crate) fn for_supervisor() -> anyhow::Result<()> {
 pub(crate) fn for_people(bars: MultiProgress) -> anyhow::Result<()> {
     // Processes have filtered their lines themselves.
     let filter = filter()?.add_directive(format!("{}=trace", supervisor::CHILD_TARGET).parse()?);
-    let format = People { started: Instant::now(), colours: io::stderr().is_terminal() };
+    let format = People { started: Instant::now(), colours: Abilities::of_stderr().colours };
     let lines = tracing_subscriber::fmt().log_internal_errors(false).with_env_filter(filter).event_format(format);
-    lines.with_writer(AboveBars(bars)).init();
+    lines.with_writer(AboveBars { bars, screen: screen().clone() }).init();
     Ok(())
 }
 
@@ -65,7 +67,8 @@ where
             Level::DEBUG => ("2", "debug: "),
             Level::TRACE => ("2", "trace: "),
         };
-        let text = format!("{:>8.2} s  {process:<10} {mark}{}{}", self.started.elapsed().as_secs_f64(), line.message, line.fields);
+        let text = format!("{process:<10} {mark}{}{}", line.message, line.fields);
+        let text = format!("{:>8.2} s  {}", self.started.elapsed().as_secs_f64(), printable(&text));
         if self.colours { writeln!(writer, "\x1b[{colour}m{text}\x1b[0m") } else { writeln!(writer, "{text}") }
     }
 }
@@ -101,7 +104,10 @@ impl Visit for Fields {
 }
 
 /// Standard error, with progress bars out of the way while a line is written.
-struct AboveBars(MultiProgress);
+struct AboveBars {
+    bars: MultiProgress,
+    screen: Screen,
+}
 
 impl<'a> MakeWriter<'a> for AboveBars {
     type Writer = &'a Self;
@@ -113,10 +119,11 @@ impl<'a> MakeWriter<'a> for AboveBars {
 
 impl Write for &AboveBars {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.suspend(|| io::stderr().write(bytes))
+        self.bars.suspend(|| self.screen.push(bytes));
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
+        Ok(())
     }
 }

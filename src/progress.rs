@@ -1,8 +1,8 @@
 //! Progress of a run: a bar on a terminal, a line for each tenth elsewhere.
 
+use crate::terminal::Abilities;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
-use messages::{DeploymentStatus, ProcessState, ProcessStatus};
-use std::io::IsTerminal;
+use messages::{DeploymentStatus, ProcessState, ProcessStatus, printable};
 use std::time::Duration;
 
 /// Counters in which a process reports its progress.
@@ -23,7 +23,7 @@ enum View {
 
 impl Progress {
     pub(crate) fn new(bars: &MultiProgress) -> Self {
-        if !std::io::stderr().is_terminal() {
+        if !Abilities::of_stderr().draws {
             return Self { view: View::Lines { printed: 0 } };
         }
         let bar = bars.add(ProgressBar::no_length());
@@ -84,7 +84,8 @@ fn message<'a>(drive: Option<&ProcessStatus>, processes: impl Iterator<Item = &'
     };
     let word = |process: &ProcessStatus| ProcessState::from_number(process.state).map_or("", ProcessState::word);
     let failing = processes.filter(failing).map(|process| format!("{} {}", process.process, word(process)));
-    drive.map(|process| process.note.to_string()).into_iter().filter(|note| !note.is_empty()).chain(failing).collect::<Vec<_>>().join("; ")
+    let note = drive.map(|process| process.note.to_string()).filter(|note| !note.is_empty());
+    printable(&note.into_iter().chain(failing).collect::<Vec<_>>().join("; ")).into_owned()
 }
 
 fn spinner() -> ProgressStyle {

@@ -25,6 +25,7 @@ pub(crate) struct RunArgs {
 pub(crate) fn run(args: &RunArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let RunArgs { settings: path, fresh, options } = args;
     let mut settings = check::read(path)?;
+    check::check_programs(&settings)?;
     drive::place_output(&mut settings, options)?;
     tracing::info!("deployment {}: Ctrl-C ends the run and writes the map", settings.name);
     // A simulation and a replay start from the beginning each time; a real robot is where its last run ended.

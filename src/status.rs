@@ -1,11 +1,11 @@
 //! `stillmap status`: the processes of running deployments, from their supervisors.
 
 use crate::args::Which;
-use crate::running::choose;
+use crate::running::{choose, none_running};
 use crate::{exit, output};
 use bus::{Received, RunningDomain};
 use clap::Args;
-use messages::{DeploymentStatus, ProcessState, ProcessStatus};
+use messages::{DeploymentStatus, ProcessState, ProcessStatus, printable};
 use runtime::Observer;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -33,17 +33,30 @@ pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
     let statuses = ask(&domains)?;
     if *json {
         let all: Vec<Value> = statuses.iter().map(|(domain, status)| as_json(domain, status.as_ref())).collect();
-        output::line(&format!("{:#}", Value::Array(all)))?;
+        output::json(&format!("{:#}", Value::Array(all)))?;
     } else if statuses.is_empty() {
-        output::line("no deployment is running")?;
+        output::line(&none_running())?;
     } else {
         let silent = |domain: &RunningDomain| format!("{}, process {}: does not respond\n", domain.name(), domain.pid());
         let tables: Vec<String> =
             statuses.iter().map(|(domain, status)| status.as_ref().map_or_else(|| silent(domain), as_table)).collect();
         output::write(&tables.join("\n"))?;
     }
-    // A script has to notice that a deployment does not respond.
-    Ok(if statuses.iter().all(|(_, status)| status.is_some()) { exit::SUCCESS } else { exit::FAILURE })
+    Ok(code(&statuses))
+}
+
+/// The exit code: the worst state of all decides.
+fn code(statuses: &[(&RunningDomain, Option<DeploymentStatus>)]) -> u8 {
+    let has_failed = |status: &DeploymentStatus| processes(status).any(|it| it.state == ProcessState::Failed as u32);
+    if statuses.is_empty() {
+        exit::NOT_RUNNING
+    } else if statuses.iter().any(|(_, status)| status.is_none()) {
+        exit::FAILURE
+    } else if statuses.iter().any(|(_, status)| status.as_ref().is_some_and(has_failed)) {
+        exit::INCOMPLETE
+    } else {
+        exit::SUCCESS
+    }
 }
 
 /// The newest status of each deployment; `None` if its supervisor is stopped or hangs.
@@ -133,7 +146,7 @@ pub(crate) const HEAD: [&str; COLUMNS] =
 pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
     let beat = if it.heartbeat_age_ms == u64::MAX { "-".to_owned() } else { format!("{:.1} s", it.heartbeat_age_ms as f64 / 1e3) };
     [
-        it.process.to_string(),
+        printable(it.process.as_str()).into_owned(),
         word(it).to_owned(),
         if it.pid == 0 { "-".to_owned() } else { it.pid.to_string() },
         it.restarts.to_string(),
@@ -146,7 +159,7 @@ pub(crate) fn cells(it: &ProcessStatus) -> [String; COLUMNS] {
         it.refused.to_string(),
         format!("{:.1} %", it.cpu * 100.0),
         format!("{:.1} MB", it.resident_bytes as f64 / 1e6),
-        it.note.to_string(),
+        printable(it.note.as_str()).into_owned(),
     ]
 }
 

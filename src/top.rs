@@ -5,14 +5,19 @@ use crate::running::choose;
 use crate::status::{COLUMNS, HEAD, cells, is_text, processes, widths};
 use bus::Received;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
+use ratatui::backend::{Backend, CrosstermBackend};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
+use ratatui::crossterm::execute;
+use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode};
 use ratatui::layout::{Constraint, Layout};
 use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Cell, Paragraph, Row, Table};
-use ratatui::{DefaultTerminal, Frame};
+use ratatui::{Frame, Terminal};
 use runtime::Observer;
-use std::io::IsTerminal;
+use std::cell;
+use std::io::{self, IsTerminal, Write};
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Space between two columns.
@@ -35,42 +40,81 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Shows the processes until q is pressed or the deployment ends.
 pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
     let domain = choose(which)?;
-    anyhow::ensure!(std::io::stdout().is_terminal(), "standard output is not a terminal: `stillmap status` prints the same table once");
+    let draws = io::stdout().is_terminal() && std::env::var_os("TERM").is_some_and(|term| !term.is_empty() && term != "dumb");
+    anyhow::ensure!(draws, "standard output is not a terminal that can be drawn on: `stillmap status` prints the same table once");
     let mut tool = Observer::join(&domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
-    let mut terminal = ratatui::try_init()?;
-    let result = watch(&mut terminal, || {
-        let mut newest = None;
-        while let Some(received) = statuses.take()? {
-            if let Received::Message(status) = received {
-                newest = Some(*status);
+    enable_raw_mode()?;
+    let mut screen = Screen::default();
+    let opened = execute!(screen, EnterAlternateScreen).and_then(|()| Terminal::new(CrosstermBackend::new(screen.clone())));
+    let result = opened.map_err(Into::into).and_then(|mut terminal| {
+        watch(&mut terminal, &screen.is_closed, || {
+            let mut newest = None;
+            while let Some(received) = statuses.take()? {
+                if let Received::Message(status) = received {
+                    newest = Some(*status);
+                }
             }
-        }
-        Ok(newest)
+            Ok(newest)
+        })
     });
-    ratatui::restore();
+    // A closed terminal needs neither.
+    let _ = disable_raw_mode();
+    let _ = execute!(screen, LeaveAlternateScreen);
     result
 }
 
-fn watch(terminal: &mut DefaultTerminal, mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>) -> anyhow::Result<()> {
+/// Standard output. Text for a terminal that is closed is dropped: ratatui panics if it cannot show the cursor at the end.
+#[derive(Debug, Clone, Default)]
+struct Screen {
+    is_closed: Rc<cell::Cell<bool>>,
+}
+
+impl Screen {
+    fn write_or_drop(&self, write: impl FnOnce(&mut io::StdoutLock<'_>) -> io::Result<()>) {
+        if write(&mut io::stdout().lock()).is_err() {
+            self.is_closed.set(true);
+        }
+    }
+}
+
+impl Write for Screen {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.write_or_drop(|stdout| stdout.write_all(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.write_or_drop(|stdout| stdout.flush());
+        Ok(())
+    }
+}
+
+fn watch<B: Backend<Error = io::Error>>(
+    terminal: &mut Terminal<B>,
+    is_closed: &cell::Cell<bool>,
+    mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>,
+) -> anyhow::Result<()> {
     let mut received = Instant::now();
     let mut shown: Option<DeploymentStatus> = None;
-    loop {
+    while !is_closed.get() {
         if let Some(status) = take()? {
             shown = Some(status);
             received = Instant::now();
         }
-        if received.elapsed() > PATIENCE {
-            return Ok(());
+        let is_over = shown.as_ref().is_some_and(|status| processes(status).all(ProcessStatus::is_over));
+        if is_over || received.elapsed() > PATIENCE {
+            break;
         }
         terminal.draw(|frame| draw(frame, shown.as_ref()))?;
         if event::poll(KEY_PERIOD)?
             && let Event::Key(key) = event::read()?
             && is_quit(key.code, key.modifiers)
         {
-            return Ok(());
+            break;
         }
     }
+    Ok(())
 }
 
 fn is_quit(code: KeyCode, modifiers: KeyModifiers) -> bool {
@@ -137,7 +181,6 @@ fn aligned(text: String, column: usize) -> Cell<'static> {
 mod tests {
     use super::*;
     use messages::Text;
-    use ratatui::Terminal;
     use ratatui::backend::TestBackend;
 
     #[test]

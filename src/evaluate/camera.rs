@@ -107,7 +107,7 @@ pub(crate) fn camera(options: &CameraArgs, bars: &MultiProgress) -> Result<()> {
         );
     }
     if options.json {
-        output::line(&json(&outcome).to_string())?
+        output::json(&json(&outcome).to_string())?
     } else {
         output::write(&text(&outcome, options))?
     }

@@ -70,7 +70,7 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
         (None, None) => sweep::sweep(drives, bars)?,
     };
     if drives.json {
-        output::line(&serde_json::to_string_pretty(&report)?)?;
+        output::json(&serde_json::to_string_pretty(&report)?)?;
     } else {
         output::write(&report.to_string())?;
     }
