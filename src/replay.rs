@@ -35,7 +35,10 @@ pub(crate) enum Pace {
 pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let ReplayArgs { log, pace, options } = args;
     let recorded = read_settings(log)?;
-    let recorded = Settings::parse(&format!("{}: its settings", log.display()), &recorded)?;
+    let (recorded, left_out) = Settings::parse_recorded(&format!("{}: its settings", log.display()), &recorded)?;
+    if !left_out.is_empty() {
+        tracing::warn!("{}: its settings have keys that this version does not know, left out: {}", log.display(), left_out.join(", "));
+    }
     let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {
@@ -70,6 +73,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     settings.fault.clear();
     // Without pictures in the log, playback publishes the recorded motion of the camera.
     let has_pictures = settings.recorder.pictures;
+    let had_motion = settings.expects_camera_motion();
     settings.process.retain(|process| match &process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
         Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
@@ -78,6 +82,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
             false
         }
     });
+    settings.playback.camera_motion = had_motion && !settings.runs(BuiltIn::Sbs);
     if !settings.runs(BuiltIn::Mapping) {
         settings.process.push(Process::built_in(BuiltIn::Mapping));
     }

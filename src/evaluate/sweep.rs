@@ -11,7 +11,7 @@ use crate::process::simulator::{failings as usual_failings, optics};
 use clap::{Args, ValueEnum};
 use evaluate::{Drive, Eyes, Trial, Variation, filter, read_world, reference};
 use indicatif::{MultiProgress, ProgressBar};
-use settings::{Action, Cue, MovingCell, Settings, VerdictRule};
+use settings::{Action, BuiltIn, Cue, FtiMethod, MovingCell, Process, Settings};
 use simulator::blobs::Failings;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -114,13 +114,16 @@ fn drive_settings(options: &DriveArgs) -> anyhow::Result<Settings> {
         None => Settings::parse("demo.toml", built_in::DEMO)?,
     };
     settings.pace = settings::Pace::Lockstep;
-    settings.fti.expect_camera = true;
+    // The camera of a sweep is made of the truth and takes the place of SBS.
+    settings.process.retain(|process| !process.runs(BuiltIn::Sbs) && !process.runs(BuiltIn::Simulator));
+    if options.rule != Rule::Sonar {
+        settings.process.push(Process::built_in(BuiltIn::Sbs));
+    }
     match options.rule {
-        Rule::Full => {}
-        Rule::Sonar => settings.fti.expect_camera = false,
+        Rule::Full | Rule::Sonar => {}
         Rule::Paper => {
-            (settings.fti.rule, settings.fti.cue, settings.std.rule) = (VerdictRule::Paper, Cue::Paper, MovingCell::Paper);
-            settings.fti.action = Action::Free;
+            (settings.fti.method, settings.std.rule) = (FtiMethod::Paper, MovingCell::Paper);
+            (settings.fti.paper.cue, settings.fti.paper.action) = (Cue::Paper, Action::Free);
         }
     }
     Ok(settings)
@@ -156,7 +159,7 @@ fn drive(task: &Task<'_>, settings: &Settings, options: &DriveArgs) -> anyhow::R
 
 /// The errors of the simulated background subtraction.
 fn failings(settings: &Settings, options: &DriveArgs) -> Failings {
-    let usual = usual_failings(&settings.simulator.camera);
+    let usual = usual_failings(&settings.simulator.camera.motion);
     if options.rule == Rule::Paper {
         return Failings::NONE;
     }

@@ -12,6 +12,8 @@ pub(crate) mod simulator;
 pub mod std;
 
 mod injector;
+#[cfg(test)]
+mod key_effects;
 mod recorder;
 pub mod robot;
 mod viewer;
@@ -24,7 +26,7 @@ use settings::{BuiltIn, Settings};
 /// Runs a built-in process to its end.
 pub(crate) fn process(kind: &str) -> anyhow::Result<()> {
     let membership = Membership::from_env().map_err(|error| BadInput(error.to_string()))?;
-    let settings = Settings::read(membership.settings_path())?;
+    let settings = Settings::read_handed(membership.settings_path())?;
     let shell = Shell::join(membership)?;
     match built_in(kind)? {
         BuiltIn::Recorder => recorder::run(shell, &settings)?,

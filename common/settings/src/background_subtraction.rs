@@ -20,15 +20,15 @@ bounded! {
     Takeover: u32 in 1..=255, "frames";
 }
 
-/// How the motion of the camera is found.
+/// The method that finds the motion of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum Compensation {
-    /// From all pixels, by robust Gauss-Newton steps.
+pub enum SbsMethod {
+    /// Direct alignment of all pixels by robust Gauss-Newton steps.
     #[default]
     Direct,
-    /// From landmarks, by iterative closest point and least squares: the paper's way.
-    Icp,
+    /// Landmarks, iterative closest point and least squares, as the paper's section 5 prints it.
+    Paper,
 }
 
 /// How freely the background may move from picture to picture.
@@ -48,8 +48,8 @@ pub enum Freedom {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Sbs {
-    /// How the motion of the camera is found.
-    pub compensation: Compensation,
+    /// Method that finds the motion of the camera.
+    pub method: SbsMethod,
     /// How freely the background may move: more freedom fits the walkers, too.
     pub freedom: Freedom,
     /// Pictures from which the background is learned while the robot stands still at the start; 0: none.
@@ -62,16 +62,16 @@ pub struct Sbs {
     pub h_bar: RegionBound,
     /// Smallest area of a blob.
     pub min_area_px: BlobArea,
-    /// After so many pictures what has come to rest is background,
+    /// Number of pictures after which an object that has come to rest becomes background.
     pub takeover_frames: Takeover,
-    /// and after so many where the picture does not change at all.
+    /// Number of pictures after which it becomes background where the picture does not change at all.
     pub takeover_still_frames: Takeover,
 }
 
 impl Default for Sbs {
     fn default() -> Self {
         Self {
-            compensation: Compensation::default(),
+            method: SbsMethod::default(),
             freedom: Freedom::default(),
             training_frames: TrainingFrames::default(),
             k: Deviations::default(),

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use document::Fault;
 
 use crate::text::{NO_TILDE, begins_with_tilde};
-use crate::{BuiltIn, Disturbance, Pace, Port, Program, Provides, RoutedService, Settings, Viewer};
+use crate::{BuiltIn, Disturbance, Pace, Port, Program, Provides, Published, RoutedService, Settings, Viewer};
 
 /// Most processes of a deployment; the supervisor takes one more place in its status.
 pub const MAX_PROCESSES: usize = 23;
@@ -153,23 +153,39 @@ impl Settings {
         Ok(())
     }
 
-    /// Who waits for verdicts or for camera motion has somebody to wait for, and none are given in vain.
+    /// Whether every scan gets a verdict, which mapping waits for before it integrates a reading.
+    #[must_use]
+    pub fn expects_verdicts(&self) -> bool {
+        self.runs(BuiltIn::Fti) || self.publishes(Published::Verdicts)
+    }
+
+    /// Whether camera motion is published, which FTI waits for before it integrates a scan. Without it FTI works on sonar alone.
+    #[must_use]
+    pub fn expects_camera_motion(&self) -> bool {
+        let made_from_truth = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
+        let recorded = self.runs(BuiltIn::Playback) && self.playback.camera_motion;
+        self.runs(BuiltIn::Sbs) || made_from_truth || recorded || self.publishes(Published::CameraMotion)
+    }
+
+    fn publishes(&self, stream: Published) -> bool {
+        self.process.iter().any(|process| process.publishes.contains(&stream))
+    }
+
+    /// Verdicts and camera motion come from one process each, and FTI has the answers of STD.
     fn check_verdicts(&self) -> Result<(), Fault> {
         let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
-        let (std, fti) = (self.runs(BuiltIn::Std), self.runs(BuiltIn::Fti));
-        if fti && !self.mapping.expect_verdicts {
-            return Err(Fault::new("mapping.expect_verdicts", "true, since a process runs \"fti\""));
+        if self.runs(BuiltIn::Fti) && self.publishes(Published::Verdicts) {
+            return Err(Fault::new("process", "one source of verdicts, either run = \"fti\" or a command that publishes \"map/verdict\""));
         }
-        if self.mapping.expect_verdicts && !fti && !foreign {
-            return Err(Fault::new("mapping.expect_verdicts", "false, or else a process with run = \"fti\""));
-        }
-        if fti && !std && !foreign {
+        if self.runs(BuiltIn::Fti) && !self.runs(BuiltIn::Std) && !foreign {
             return Err(Fault::new("process", "a process with run = \"std\" beside \"fti\", which waits for its answers"));
         }
-        let pretended = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
-        let sbs = self.runs(BuiltIn::Sbs);
-        if fti && self.fti.expect_camera && !(sbs || pretended || self.runs(BuiltIn::Playback) || foreign) {
-            return Err(Fault::new("fti.expect_camera", "false, or else a process that tells camera motion"));
+        if self.runs(BuiltIn::Sbs) && self.publishes(Published::CameraMotion) {
+            let expected = "one source of camera motion, either run = \"sbs\" or a command that publishes \"motion/camera\"";
+            return Err(Fault::new("process", expected));
+        }
+        if self.runs(BuiltIn::Sbs) && self.runs(BuiltIn::Playback) && self.playback.camera_motion {
+            return Err(Fault::new("playback.camera_motion", "false, since a process runs \"sbs\" and finds the motion in the pictures"));
         }
         Ok(())
     }

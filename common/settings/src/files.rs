@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf, absolute};
 
 use document::{DocumentError, parse_checked, read_text};
 
+use crate::effect;
 use crate::{Port, Program, Settings};
 
 impl Settings {
@@ -21,15 +22,50 @@ impl Settings {
         Ok(settings)
     }
 
+    /// Reads the file of settings that a supervisor hands to its processes, as [`Settings::parse_recorded`] does.
+    ///
+    /// # Errors
+    /// As [`Settings::read`], and an unknown key: supervisor and process are of one version.
+    pub fn read_handed(path: &Path) -> Result<Self, DocumentError> {
+        parse_checked(&path.display().to_string(), &read_text(path)?, Self::check)
+    }
+
     /// Reads settings from text; paths stay as they are written. `file` is what errors call the text.
     ///
     /// # Errors
-    /// As [`Settings::read`].
+    /// As [`Settings::read`]. A key that has no effect in this deployment is refused, too.
     pub fn parse(file: &str, text: &str) -> Result<Self, DocumentError> {
-        parse_checked(file, text, Self::check)
+        parse_checked(file, text, |settings: &Self| {
+            settings.check()?;
+            effect::check(settings, text)
+        })
     }
 
-    /// The settings in effect, defaults included, as TOML: reading it gives an equal value, wherever it lies once paths are absolute.
+    /// Reads settings that a program wrote: those of a log, perhaps of another version, or those that a supervisor hands to its
+    /// processes. Unknown keys are left out and named; keys without effect are accepted.
+    ///
+    /// # Errors
+    /// As [`Settings::read`], but for those keys.
+    pub fn parse_recorded(file: &str, text: &str) -> Result<(Self, Vec<String>), DocumentError> {
+        let mut left_out = Vec::new();
+        let mut text = text.to_owned();
+        loop {
+            match parse_checked(file, &text, Self::check) {
+                Ok(settings) => return Ok((settings, left_out)),
+                Err(DocumentError::UnknownKey { file, line, key, known }) => match effect::without(&text, &key) {
+                    Some(shorter) => {
+                        left_out.push(key);
+                        text = shorter;
+                    }
+                    None => return Err(DocumentError::UnknownKey { file, line, key, known }),
+                },
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    /// The settings as TOML, without the keys that have their defaults: [`Settings::parse_recorded`] gives an equal value, wherever
+    /// the text lies once paths are absolute.
     ///
     /// # Errors
     /// When a path is not UTF-8.
@@ -40,7 +76,12 @@ impl Settings {
             }
         }
         // Every other value is a number, a word or a list of them.
-        toml::to_string(self).map_err(|error| DocumentError::Unwritable { key: error.to_string() })
+        let table = |settings: &Self| toml::Table::try_from(settings).map_err(|error| DocumentError::Unwritable { key: error.to_string() });
+        let mut set = table(self)?;
+        let (name, process) = (set.get("name").cloned(), set.get("process").cloned());
+        effect::remove_equal(&mut set, &table(&Self::default())?);
+        set.extend([("name", name), ("process", process)].into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))));
+        toml::to_string(&set).map_err(|error| DocumentError::Unwritable { key: error.to_string() })
     }
 
     fn paths(&self) -> impl Iterator<Item = (&'static str, &Path)> {

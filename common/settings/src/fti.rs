@@ -14,18 +14,18 @@ bounded! {
     Patience: f64 in 0.0..=10.0, "s", default 0.5;
 }
 
-/// What decides about a reading.
+/// The method that decides whether a walker caused a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub enum VerdictRule {
-    /// The likelihood ratio of a walker against something that stands there, with everything seen until the horizon.
+pub enum FtiMethod {
+    /// The likelihood ratio of a walker against a stationary thing, from everything seen until the horizon.
     #[default]
     Likelihood,
-    /// Its arc enters the update region of a corresponding pair: the paper's Table 6.
+    /// The paper's Table 6: the arc of the reading enters the update region of a corresponding pair.
     Paper,
 }
 
-/// How the place of a blob is read off the picture.
+/// How the position of a blob is read from the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Cue {
@@ -36,7 +36,7 @@ pub enum Cue {
     Paper,
 }
 
-/// What becomes of a place where something moves.
+/// What happens to the map where something moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Action {
@@ -81,34 +81,40 @@ pub enum Side {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Fti {
-    /// What decides about a reading.
-    pub rule: VerdictRule,
-    /// How the place of a blob is read off the picture.
-    pub cue: Cue,
-    /// What becomes of a place where something moves.
-    pub action: Action,
-    /// Farthest distance of a blob and a moving class that are one object (sigma_correspond).
-    pub correspond_m: Correspondence,
-    /// How ready the verdict is to withhold (w_0): 0 is careful.
+    /// Method that decides whether a walker caused a reading.
+    pub method: FtiMethod,
+    /// Log-odds added to every reading before it is withheld or kept, with the method "likelihood" (w_0). Higher values withhold more.
     pub readiness: Readiness,
-    /// Camera motion is to come: a scan waits for it. False: sonar alone.
-    pub expect_camera: bool,
-    /// How long a scan waits for the motion seen by sonars and camera at that time, at the pace of the sensors.
+    /// Longest time that a scan waits for the motion seen by sonars and camera, with the pace "live".
     pub patience_s: Patience,
-    /// `[fti.tables]`: the rules from what the sonars (rows) and the camera (columns) see to what is there.
+    /// `[fti.paper]`: the paper's method as printed. Refused unless `method` is "paper".
+    pub paper: FtiPaper,
+}
+
+/// `[fti.paper]`: the paper's method as printed.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub struct FtiPaper {
+    /// How the position of a blob is read from the picture.
+    pub cue: Cue,
+    /// What happens to the map where something moves.
+    pub action: Action,
+    /// Largest distance between a blob and a moving class that are taken for one object (sigma_correspond of eq. 11).
+    pub correspond_m: Correspondence,
+    /// `[fti.paper.tables]`: the fuzzy rules of Tables 3 to 5. Rows are the sets of C (sonars), columns those of B (camera).
     pub tables: Tables,
 }
 
-/// `[fti.tables]`: Tables 3 to 5 of the paper. Rows: sets of C (sonars), columns: sets of B (camera), in the order of the sets; the
+/// `[fti.paper.tables]`: Tables 3 to 5 of the paper. Rows: sets of C (sonars), columns: sets of B (camera), in the order of the sets; the
 /// defaults are as printed, odd entries included.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Tables {
-    /// Table 3: O_Centroid.x.
+    /// Table 3: the sets of O_Centroid.x, the distance ahead of the robot.
     pub centroid_x: [[Magnitude; 5]; 5],
-    /// Table 4: O_Centroid.y.
+    /// Table 4: the sets of O_Centroid.y, the offset to the left.
     pub centroid_y: [[Side; 5]; 5],
-    /// Table 5: O_Size.
+    /// Table 5: the sets of O_Size, the extent of the update region.
     pub size: [[Magnitude; 5]; 5],
 }
 

@@ -30,6 +30,7 @@ mod bounded;
 mod camera;
 mod check;
 mod deployment;
+mod effect;
 mod faults;
 mod files;
 mod fti;
@@ -46,9 +47,7 @@ mod temporal_difference;
 mod text;
 mod viewer;
 
-pub use background_subtraction::{
-    BlobArea, Compensation, CovarianceFactor, Deviations, Freedom, RegionBound, Sbs, Takeover, TrainingFrames,
-};
+pub use background_subtraction::{BlobArea, CovarianceFactor, Deviations, Freedom, RegionBound, Sbs, SbsMethod, Takeover, TrainingFrames};
 pub use camera::{
     Camera, CameraControl, CameraFormat, CameraGain, CameraHeight, CameraInput, ControlValue, Exposure, FieldOfView, FrameRate,
     HorizonShare, PictureHeight, PictureWidth, WhiteBalance,
@@ -60,18 +59,20 @@ pub use faults::{
     Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultSeed, FaultStart, Injector, NoSuchFault, PlannedFault, ProcessFault,
     RoutedService, StreamFault,
 };
-pub use fti::{Action, Correspondence, Cue, Fti, Magnitude, Patience, Readiness, Side, Tables, VerdictRule};
+pub use fti::{Action, Correspondence, Cue, Fti, FtiMethod, FtiPaper, Magnitude, Patience, Readiness, Side, Tables};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,
     NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
 };
 pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SpeedLimit, TurnLimit};
 pub use playback::{Playback, Window};
-pub use programs::{BuiltIn, Process, Program};
+pub use programs::{BuiltIn, Process, Program, Published};
 pub use recorder::{FlushInterval, Recorder};
 pub use reference::{reference, schema};
 pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar, UnitLength};
-pub use simulator::{After, HeightError, LengthError, PerPicture, Pixels, Provides, Seed, Share, SimulatedCamera, Simulator};
+pub use simulator::{
+    After, HeightError, LengthError, PerPicture, Pixels, Provides, Seed, Share, SimulatedCamera, SimulatedMotion, Simulator,
+};
 pub use supervisor::{
     FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
 };

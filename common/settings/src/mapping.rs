@@ -59,14 +59,12 @@ pub struct Mapping {
     pub lonely_below: Neighbours,
     /// How far a reading without an echo frees: beyond, silence may as well be a wall that reflects away.
     pub no_echo_free_m: NoEchoFree,
-    /// Far readings say less, as the two distances below have it. False: the paper's sensor model.
+    /// The weight of a reading falls with its range, by `occupied_fade_m` and `free_fade_m`. False: the paper's sensor model.
     pub fades: bool,
-    /// Range at which an echo has lost half its weight.
+    /// Range at which an echo has lost half its weight, where `fades` is true.
     pub occupied_fade_m: OccupiedFade,
-    /// Distance at which emptiness has lost half its weight.
+    /// Distance at which free space has lost half its weight, where `fades` is true.
     pub free_fade_m: FreeFade,
-    /// A verdict on every scan is to come: wait for it before a reading is integrated for good.
-    pub expect_verdicts: bool,
     /// `[mapping.tuning]`: the fuzzy tuning of the sensor model.
     pub tuning: Tuning,
 }
@@ -151,7 +149,6 @@ impl Default for Mapping {
             fades: true,
             occupied_fade_m: OccupiedFade::default(),
             free_fade_m: FreeFade::default(),
-            expect_verdicts: false,
             tuning: Tuning::default(),
         }
     }

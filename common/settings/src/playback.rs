@@ -23,12 +23,14 @@ pub struct Playback {
     #[serde(deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path"))]
     pub log: PathBuf,
-    /// How far lockstep publishes ahead of the slowest consumer.
+    /// How far playback publishes ahead of the slowest consumer, with the pace "lockstep".
     pub window: Window,
+    /// Publish the camera motion of the log as it was recorded, in place of a process that runs "sbs".
+    pub camera_motion: bool,
 }
 
 impl Default for Playback {
     fn default() -> Self {
-        Self { log: PathBuf::from("drive.mcap"), window: Window::default() }
+        Self { log: PathBuf::from("drive.mcap"), window: Window::default(), camera_motion: false }
     }
 }

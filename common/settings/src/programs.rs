@@ -33,6 +33,17 @@ pub enum BuiltIn {
     Injector,
 }
 
+/// A stream that another executable publishes in place of a built-in process, and that built-in processes wait for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Published {
+    /// Verdicts on readings, in place of `run = "fti"`.
+    #[serde(rename = "map/verdict")]
+    Verdicts,
+    /// Motion in the camera's pictures, in place of `run = "sbs"`.
+    #[serde(rename = "motion/camera")]
+    CameraMotion,
+}
+
 /// What a process runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Program {
@@ -52,6 +63,8 @@ pub struct Process {
     pub program: Program,
     /// When it ends successfully, the run ends.
     pub ends_run: bool,
+    /// Streams of another executable that built-in processes wait for; empty for a built-in process.
+    pub publishes: Vec<Published>,
 }
 
 /// A process as it is written.
@@ -70,12 +83,19 @@ struct Entry {
     /// When it ends successfully, the run ends. True for simulator and playback unless it is given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ends_run: Option<bool>,
+    /// Streams of another executable that the built-in processes wait for, in place of those of "fti" or "sbs".
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    publishes: Vec<Published>,
 }
 
-/// A process that does not say what it runs, or says it twice.
+/// A process whose keys contradict each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("expected exactly one of run and command")]
-struct NotOneProgram;
+enum Contradiction {
+    #[error("expected exactly one of run and command")]
+    NotOneProgram,
+    #[error("expected no publishes beside run: a built-in process publishes what it always does")]
+    BuiltInPublishes,
+}
 
 impl BuiltIn {
     /// Every process that `stillmap` brings along.
@@ -122,7 +142,7 @@ impl Process {
     /// A built-in process under its own name.
     #[must_use]
     pub fn built_in(kind: BuiltIn) -> Self {
-        Self { name: Name::literal(kind.word()), program: Program::BuiltIn(kind), ends_run: kind.ends_run() }
+        Self { name: Name::literal(kind.word()), program: Program::BuiltIn(kind), ends_run: kind.ends_run(), publishes: Vec::new() }
     }
 
     /// Whether it runs this built-in process.
@@ -133,16 +153,19 @@ impl Process {
 }
 
 impl TryFrom<Entry> for Process {
-    type Error = NotOneProgram;
+    type Error = Contradiction;
 
-    fn try_from(entry: Entry) -> Result<Self, NotOneProgram> {
+    fn try_from(entry: Entry) -> Result<Self, Contradiction> {
         let program = match (entry.run, entry.command) {
             (Some(kind), None) => Program::BuiltIn(kind),
             (None, Some(command)) => Program::Command(command),
-            _ => return Err(NotOneProgram),
+            _ => return Err(Contradiction::NotOneProgram),
         };
+        if matches!(program, Program::BuiltIn(_)) && !entry.publishes.is_empty() {
+            return Err(Contradiction::BuiltInPublishes);
+        }
         let by_default = matches!(program, Program::BuiltIn(kind) if kind.ends_run());
-        Ok(Self { name: entry.name, program, ends_run: entry.ends_run.unwrap_or(by_default) })
+        Ok(Self { name: entry.name, program, ends_run: entry.ends_run.unwrap_or(by_default), publishes: entry.publishes })
     }
 }
 
@@ -152,6 +175,6 @@ impl From<Process> for Entry {
             Program::BuiltIn(kind) => (Some(kind), None),
             Program::Command(command) => (None, Some(command)),
         };
-        Self { name: process.name, run, command, ends_run: Some(process.ends_run) }
+        Self { name: process.name, run, command, ends_run: Some(process.ends_run), publishes: process.publishes }
     }
 }

@@ -45,33 +45,41 @@ pub enum Provides {
     /// Nothing.
     #[default]
     Off,
-    /// What background subtraction would report of the walkers, made from the truth, with the failings below.
+    /// The motion that background subtraction would report, made from the truth with the errors of `[simulator.camera.motion]`.
     Motion,
     /// Pictures of the world, for background subtraction, with the truth of every pixel.
     Pictures,
 }
 
-/// `[simulator.camera]`: what the robot's camera gives, and how background subtraction fails where it is only pretended.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// `[simulator.camera]`: what the robot's camera provides.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct SimulatedCamera {
-    /// What it gives.
+    /// What the camera provides.
     pub provides: Provides,
+    /// `[simulator.camera.motion]`: errors of the camera motion that is made from the truth. Refused unless `provides` is "motion".
+    pub motion: SimulatedMotion,
+}
+
+/// `[simulator.camera.motion]`: errors of the camera motion that is made from the truth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields, expecting = "a table")]
+pub struct SimulatedMotion {
     /// Share of blobs that are missed.
     pub missed: Share,
-    /// Share of blobs that fall to pieces; of a third of these the feet are lost.
+    /// Share of blobs that break into pieces. A third of these lose their feet.
     pub fragments: Share,
-    /// False blobs in a picture, on average.
+    /// Mean number of false blobs in a picture.
     pub false_blobs: PerPicture,
-    /// A walker who stands fades into the background after this time.
+    /// Time after which a walker who stands still fades into the background.
     pub fades_after_s: After,
-    /// Spread of a blob's edges.
+    /// Standard deviation of a blob's edges.
     pub edge_px: Pixels,
-    /// The true focal length differs by this share from what `[camera]` says,
+    /// Share by which the true focal length differs from that of `[camera]`, in the direction that the seed chooses.
     pub focal_error: LengthError,
-    /// the true horizon by so many rows,
+    /// Number of rows by which the true horizon differs from that of `[camera]`, in the direction that the seed chooses.
     pub horizon_error_px: Pixels,
-    /// and the true height of the camera by this. The directions are the seed's.
+    /// Distance by which the true height of the lens differs from that of `[camera]`, in the direction that the seed chooses.
     pub height_error_m: HeightError,
 }
 
@@ -81,10 +89,9 @@ impl Default for Simulator {
     }
 }
 
-impl Default for SimulatedCamera {
+impl Default for SimulatedMotion {
     fn default() -> Self {
         Self {
-            provides: Provides::default(),
             missed: Share::literal(0.08),
             fragments: Share::literal(0.15),
             false_blobs: PerPicture::literal(0.2),

@@ -39,7 +39,7 @@ fn numbers_out_of_range() {
     check("[mapping]\ncell_m = inf", "demo.toml:9: mapping.cell_m = inf: expected 0.005 to 1 m");
     check("[mapping]\ncell_m = 1e999", "demo.toml:9: mapping.cell_m = 1e999: expected 0.005 to 1 m");
     check("[mapping]\ncell_m = 2", "demo.toml:9: mapping.cell_m = 2: expected 0.005 to 1 m");
-    check("mapping.k_o = 0.5", "demo.toml:8: process[1].mapping: unknown key, expected one of name, run, command, ends_run");
+    check("mapping.k_o = 0.5", "demo.toml:8: process[1].mapping: unknown key, expected one of name, run, command, ends_run, publishes");
     check("[mapping]\nk_o = 1.0", "demo.toml:9: mapping.k_o = 1.0: expected 0.55 to 0.99");
     check("[simulator]\nseed = -1", "demo.toml:9: simulator.seed = -1: expected a whole number, 0 to 4294967295");
     check("[simulator]\nseed = 1.5", "demo.toml:9: simulator.seed = 1.5: expected a whole number, 0 to 4294967295");
@@ -97,7 +97,7 @@ fn unknown_and_missing_keys() {
     check("[recorder]\nflush = 1.0", "demo.toml:9: recorder.flush: unknown key, expected one of flush_s, file, pictures");
     check(
         "[mapping]\ncel_m = 1",
-        "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, lonely_below, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered, expect_verdicts",
+        "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, lonely_below, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered",
     );
     let section = refused(&format!("{BASE}[lidar]\n"));
     assert!(section.starts_with("demo.toml:8: lidar: unknown key, expected one of ") && section.contains("mapping"), "{section}");
@@ -219,21 +219,71 @@ fn errors_never_carry_control_characters() {
 }
 
 #[test]
-fn who_waits_for_verdicts_or_the_camera_has_somebody_to_wait_for() {
+fn verdicts_and_camera_motion_have_one_source() {
     const FTI: &str = "[[process]]\nname = \"fti\"\nrun = \"fti\"\n";
     const STD: &str = "[[process]]\nname = \"std\"\nrun = \"std\"\n";
-    const EXPECT: &str = "[mapping]\nexpect_verdicts = true\n";
-    check(&format!("{FTI}{STD}"), "demo.toml:1: mapping.expect_verdicts: expected true, since a process runs \"fti\"");
-    check(EXPECT, "demo.toml:9: mapping.expect_verdicts = true: expected false, or else a process with run = \"fti\"");
+    let other = |publishes: &str| format!("[[process]]\nname = \"other\"\ncommand = [\"other\"]\npublishes = [{publishes:?}]\n");
+    check(FTI, "demo.toml:2: process: expected a process with run = \"std\" beside \"fti\", which waits for its answers");
     check(
-        &format!("{FTI}{EXPECT}"),
-        "demo.toml:2: process: expected a process with run = \"std\" beside \"fti\", which waits for its answers",
+        &format!("{FTI}{STD}{}", other("map/verdict")),
+        "demo.toml:2: process: expected one source of verdicts, either run = \"fti\" or a command that publishes \"map/verdict\"",
     );
     check(
-        &format!("{FTI}{STD}{EXPECT}[fti]\nexpect_camera = true\n"),
-        "demo.toml:17: fti.expect_camera = true: expected false, or else a process that tells camera motion",
+        "[[process]]\nname = \"x\"\nrun = \"std\"\npublishes = [\"map/verdict\"]",
+        "demo.toml:8: process[2]: expected no publishes beside run: a built-in process publishes what it always does",
     );
-    Settings::parse("demo.toml", &format!("{BASE}{FTI}{STD}{EXPECT}")).unwrap();
+    let expects = |added: &str| {
+        let settings = Settings::parse("demo.toml", &format!("{BASE}{added}")).unwrap();
+        (settings.expects_verdicts(), settings.expects_camera_motion())
+    };
+    assert_eq!(expects(""), (false, false));
+    assert_eq!(expects(&format!("{FTI}{STD}")), (true, false));
+    assert_eq!(expects(&other("map/verdict")), (true, false));
+    assert_eq!(expects(&other("motion/camera")), (false, true));
+    assert_eq!(
+        expects(&format!("{FTI}{STD}[[process]]\nname = \"sbs\"\nrun = \"sbs\"\n[[process]]\nname = \"camera\"\nrun = \"camera\"\n")),
+        (true, true)
+    );
+}
+
+#[test]
+fn keys_without_effect_are_refused() {
+    check("[sbs]\nk = 2.0", "demo.toml:8: sbs: expected no [sbs], or else a process with run = \"sbs\"");
+    check("[playback]\nwindow = 3", "demo.toml:8: playback: expected no [playback], or else a process with run = \"playback\"");
+    check(
+        "[mapping]\nfades = false\nfree_fade_m = 2.0",
+        "demo.toml:10: mapping.free_fade_m = 2.0: expected no such key, or else mapping.fades = true",
+    );
+    let filter = "[[process]]\nname = \"fti\"\nrun = \"fti\"\n[[process]]\nname = \"std\"\nrun = \"std\"\n";
+    check(
+        &format!("{filter}[fti.paper]\ncorrespond_m = 1.0"),
+        "demo.toml:14: fti.paper: expected no [fti.paper], or else fti.method = \"paper\"",
+    );
+    check(
+        &format!("{filter}[fti]\nmethod = \"paper\"\nreadiness = 1.0"),
+        "demo.toml:16: fti.readiness = 1.0: expected no such key, or else fti.method = \"likelihood\"",
+    );
+    Settings::parse("demo.toml", &format!("{BASE}{filter}[fti]\nmethod = \"paper\"\n[fti.paper]\ncorrespond_m = 1.0")).unwrap();
+}
+
+#[test]
+fn recorded_settings_lose_unknown_keys_by_name() {
+    let text = format!("{BASE}[lidar]\nrate_hz = 5\n[mapping]\ncell_m = 0.1\nexpect_verdicts = true\n[sbs]\nk = 2.0\n");
+    let (settings, mut left_out) = Settings::parse_recorded("drive.mcap", &text).unwrap();
+    left_out.sort();
+    assert_eq!(left_out, ["lidar", "mapping.expect_verdicts"]);
+    assert_eq!((settings.mapping.cell_m.get(), settings.sbs.k.get()), (0.1, 2.0));
+    let error = Settings::parse_recorded("drive.mcap", &text.replace("0.1", "-1")).unwrap_err();
+    assert!(error.to_string().contains("mapping.cell_m = -1"), "{error}");
+}
+
+#[test]
+fn written_settings_hold_only_what_differs_from_the_defaults() {
+    let text = format!("{BASE}[mapping]\ncell_m = 0.1\nl_max = 2.0\n");
+    let settings = Settings::parse("demo.toml", &text).unwrap();
+    let written = settings.to_toml().unwrap();
+    assert!(written.contains("cell_m = 0.1") && !written.contains("l_max") && !written.contains("[fti"), "{written}");
+    assert_eq!(Settings::parse_recorded("x", &written).unwrap(), (settings, Vec::new()));
 }
 
 #[test]
@@ -241,7 +291,8 @@ fn pictures_come_from_one_place_and_go_somewhere() {
     let process = |kind: &str| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n");
     let deployment = |kinds: &[&str], provides: &str| {
         let processes: String = kinds.iter().map(|kind| process(kind)).collect();
-        format!("name = \"x\"\n{processes}[simulator.camera]\nprovides = {provides:?}\n")
+        let camera = format!("[simulator.camera]\nprovides = {provides:?}\n");
+        format!("name = \"x\"\n{processes}{}", if kinds.contains(&"simulator") { &camera } else { "" })
     };
     let check = |kinds: &[&str], provides: &str, expected: &str| assert_eq!(refused(&deployment(kinds, provides)), expected);
     check(
@@ -282,11 +333,12 @@ fn pictures_come_from_one_place_and_go_somewhere() {
 
 #[test]
 fn tables_of_the_paper_are_whole_and_of_known_sets() {
+    const FILTER: &str = "[[process]]\nname = \"fti\"\nrun = \"fti\"\n[[process]]\nname = \"std\"\nrun = \"std\"\n";
     let row = "[\"VS\", \"S\", \"M\", \"L\", \"VL\"]";
-    let rows = |last: &str| format!("[fti.tables]\nsize = [{row}, {row}, {row}, {row}, {last}]\n");
+    let rows = |last: &str| format!("{FILTER}[fti]\nmethod = \"paper\"\n[fti.paper.tables]\nsize = [{row}, {row}, {row}, {row}, {last}]\n");
     Settings::parse("demo.toml", &format!("{BASE}{}", rows(row))).unwrap();
     for last in ["[\"VS\", \"S\", \"M\", \"L\"]", "[\"VS\", \"S\", \"M\", \"L\", \"HUGE\"]"] {
         let line = refused(&format!("{BASE}{}", rows(last)));
-        assert!(line.starts_with("demo.toml:9: fti.tables.size[4]"), "{line}");
+        assert!(line.starts_with("demo.toml:17: fti.paper.tables.size[4]"), "{line}");
     }
 }

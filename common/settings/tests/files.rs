@@ -40,7 +40,7 @@ fn defaults_are_those_of_the_algorithm() {
     assert_eq!((mapping.cell_m.get(), mapping.half_beam_deg.get(), mapping.k_o.get()), (0.05, 12.5, 0.8));
     assert_eq!((mapping.sigma_r_m.get(), mapping.l_max.get(), mapping.horizon_s.get()), (0.06, 2.0, 3.0));
     assert_eq!((mapping.no_echo_free_m.get(), mapping.occupied_fade_m.get(), mapping.free_fade_m.get()), (1.2, 2.0, 1.6));
-    assert!(mapping.fades && tuning.enabled && !mapping.keep_unfiltered && !mapping.expect_verdicts);
+    assert!(mapping.fades && tuning.enabled && !mapping.keep_unfiltered);
     assert_eq!((tuning.p_arc.get(), tuning.p_free.get()), ([0.5, 0.7, 0.9], [0.5, 0.7, 0.9]));
     assert_eq!(tuning.gain.map(|row| row.map(|gain| gain.get())), [[0.0; 3], [0.5; 3], [1.0; 3]]);
     assert_eq!(tuning.sigma_theta_deg.map(|row| row.map(|width| width.get())), [[30.0; 3], [24.0; 3], [16.0; 3]]);
@@ -78,7 +78,7 @@ fn effective_settings_mean_the_same_anywhere() {
         let folder = tempfile::tempdir().unwrap();
         let elsewhere = folder.path().join("effective.toml");
         std::fs::write(&elsewhere, &text).unwrap();
-        assert_eq!(Settings::read(&elsewhere).unwrap(), settings, "{text}");
+        assert_eq!(Settings::read_handed(&elsewhere).unwrap(), settings, "{text}");
     }
 }
 
@@ -95,19 +95,24 @@ fn relative_paths_mean_the_folder_of_the_file() {
         [[process]]
         name = "path"
         command = ["driver"]
+        [[process]]
+        name = "pioneer"
+        run = "pioneer"
+        [[process]]
+        name = "simulator"
+        run = "simulator"
         [pioneer]
         port = "/dev/ttyS0"
         [simulator]
         world = "w.toml"
-        [playback]
-        log = "/logs/a.mcap"
     "#;
     std::fs::write(&file, text).unwrap();
     let settings = Settings::read(&file).unwrap();
     let here = folder.path();
     assert_eq!(settings.out, here.join("there"));
     assert_eq!(settings.simulator.world, here.join("w.toml"));
-    assert_eq!(settings.playback.log, Path::new("/logs/a.mcap"));
+    let playback = "name = \"x\"\nprocess = [{ name = \"p\", run = \"playback\" }]\n[playback]\nlog = \"/logs/a.mcap\"\n";
+    assert_eq!(Settings::parse("x", playback).unwrap().playback.log, Path::new("/logs/a.mcap"));
     assert_eq!(settings.pioneer.port, Port::Device("/dev/ttyS0".into()));
     let program = here.join("./bin/driver").to_str().unwrap().to_owned();
     assert_eq!(settings.process[0].program, Program::Command(vec![program, "./argument".to_owned()]));

@@ -2,40 +2,41 @@
 
 use ::fti::{Action, Camera, Cue, Magnitude, Parameters, Patience, Rule, Side, Tables};
 use messages::Pose;
-use settings::{Pace, Settings, VerdictRule};
+use settings::{FtiMethod, Pace, Settings};
 
 /// FTI's parameters in a deployment whose clock runs `speed` times faster than the wall's: what a restart or a busy machine delays
 /// takes so much more sensor time.
 pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
     let Settings { fti, mapping, robot, .. } = settings;
+    let paper = &fti.paper;
     Parameters {
         cell_m: mapping.cell_m.get(),
         half_beam_rad: mapping.half_beam_deg.get().to_radians(),
         range_limit_m: robot.range_limit_m.get(),
         horizon_s: mapping.horizon_s.get(),
-        rule: match fti.rule {
-            VerdictRule::Likelihood => Rule::Likelihood,
-            VerdictRule::Paper => Rule::Paper,
+        rule: match fti.method {
+            FtiMethod::Likelihood => Rule::Likelihood,
+            FtiMethod::Paper => Rule::Paper,
         },
-        cue: match fti.cue {
+        cue: match paper.cue {
             settings::Cue::Ground => Cue::Ground,
             settings::Cue::Paper => Cue::Paper,
         },
-        action: match fti.action {
+        action: match paper.action {
             settings::Action::Withhold => Action::Withhold,
             settings::Action::Free => Action::Free,
         },
-        correspond_m: fti.correspond_m.get(),
+        correspond_m: paper.correspond_m.get(),
         readiness: fti.readiness.get(),
-        camera: fti.expect_camera.then(|| camera(&settings.camera)),
+        camera: settings.expects_camera_motion().then(|| camera(&settings.camera)),
         patience: match settings.pace {
             Pace::Live => Patience::Seconds(fti.patience_s.get() * speed.max(1.0)),
             Pace::Lockstep => Patience::Endless,
         },
         tables: Tables {
-            centroid_x: fti.tables.centroid_x.map(|row| row.map(magnitude)),
-            centroid_y: fti.tables.centroid_y.map(|row| row.map(side)),
-            size: fti.tables.size.map(|row| row.map(magnitude)),
+            centroid_x: paper.tables.centroid_x.map(|row| row.map(magnitude)),
+            centroid_y: paper.tables.centroid_y.map(|row| row.map(side)),
+            size: paper.tables.size.map(|row| row.map(magnitude)),
         },
     }
 }
@@ -86,7 +87,7 @@ mod tests {
     fn default_settings_are_the_default_parameters() {
         let mut settings = Settings { pace: Pace::Lockstep, ..Settings::default() };
         assert_eq!(parameters(&settings, 1.0), Parameters { camera: None, ..Parameters::default() });
-        settings.fti.expect_camera = true;
+        settings.process.push(settings::Process::built_in(settings::BuiltIn::Sbs));
         assert_eq!(parameters(&settings, 1.0), Parameters::default());
     }
 

@@ -99,7 +99,7 @@ impl Mapping {
         }
         scans.skip_to(last_seq, last_ns);
         let mut verdicts = None;
-        if settings.mapping.expect_verdicts {
+        if settings.expects_verdicts() {
             let mut reader = shell.reader::<FilterVerdict>()?;
             reader.skip_to(mapper.decided_up_to(), 0);
             verdicts = Some(Verdicts { given: reader, outlooks: shell.reader()? });

@@ -33,7 +33,7 @@ pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
 /// Live, FTI waits for its inputs; what a restart or a busy machine delays takes so much more sensor time on a faster clock.
 fn commit(settings: &Settings, speed: f64) -> CommitRule {
     let horizon_ns = (settings.mapping.horizon_s.get() * 1e9) as u64;
-    match (settings.mapping.expect_verdicts, settings.pace) {
+    match (settings.expects_verdicts(), settings.pace) {
         (false, _) => CommitRule::Horizon { horizon_ns },
         (true, Pace::Lockstep) => CommitRule::Verdict,
         (true, Pace::Live) => {
@@ -61,7 +61,7 @@ mod tests {
 
     fn settings(head: &str, table: &str) -> Settings {
         let text = format!(
-            "name = \"x\"\n{head}\n[mapping]\nexpect_verdicts = true\n{table}\n[[process]]\nname = \"p\"\nrun = \"playback\"\n[[process]]\nname = \"f\"\nrun = \"fti\"\n[[process]]\nname = \"s\"\nrun = \"std\"\n"
+            "name = \"x\"\n{head}\n[mapping]\n{table}\n[[process]]\nname = \"p\"\nrun = \"playback\"\n[[process]]\nname = \"f\"\nrun = \"fti\"\n[[process]]\nname = \"s\"\nrun = \"std\"\n"
         );
         Settings::parse("x.toml", &text).unwrap()
     }

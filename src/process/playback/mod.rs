@@ -78,7 +78,7 @@ fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, rest
         lane(1, frames, CameraFrame::SERVICE, Replay::FRAMES.window, consumers(settings, |kind| answers_frames(kind, settings))),
     ];
     // What the camera sees is made anew of its pictures, or else played as it was recorded.
-    if !settings.runs(BuiltIn::Sbs) {
+    if settings.playback.camera_motion {
         let motions = Box::new(Messages::<CameraMotion> { cursor: Cursor::new(open()?), writer: shell.writer()? });
         lanes.push(lane(2, motions, CameraMotion::SERVICE, settings.playback.window.get(), Vec::new()));
     }

@@ -3,7 +3,7 @@
 use ::sbs::background::BackgroundRule;
 use ::sbs::transform::Class;
 use ::sbs::{BlobRule, Method, Parameters};
-use settings::{Compensation, Freedom, Settings};
+use settings::{Freedom, SbsMethod, Settings};
 
 /// SBS's parameters in a deployment with these settings.
 pub(crate) fn parameters(settings: &Settings) -> Parameters {
@@ -11,9 +11,9 @@ pub(crate) fn parameters(settings: &Settings) -> Parameters {
     // Their ranges are those of a byte.
     let frames = |setting: settings::Takeover| u8::try_from(setting.get()).unwrap_or(u8::MAX);
     Parameters {
-        method: match sbs.compensation {
-            Compensation::Direct => Method::Direct,
-            Compensation::Icp => Method::Icp,
+        method: match sbs.method {
+            SbsMethod::Direct => Method::Direct,
+            SbsMethod::Paper => Method::Icp,
         },
         class: match sbs.freedom {
             Freedom::Similarity => Class::Similarity,
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn what_is_set_is_what_it_works_by() {
-        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\ncompensation = \"icp\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n";
+        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\nmethod = \"paper\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n";
         let expected = Parameters {
             method: Method::Icp,
             horizon: 0.4,

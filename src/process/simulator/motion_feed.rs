@@ -24,7 +24,7 @@ impl MotionFeed {
     /// The frames after this time of the drive, ns.
     pub(super) fn new(world: &World, settings: &Settings, writer: Writer<CameraMotion>, driven_ns: u64) -> Self {
         let optics = optics(&settings.camera);
-        let failings = failings(&settings.simulator.camera);
+        let failings = failings(&settings.simulator.camera.motion);
         let mut blobs = Blobs::new(world, &optics, &failings, u64::from(settings.simulator.seed.get()));
         let next = blobs.next_frame();
         let mut feed = Self { blobs, writer, next, frames: 0, stamp_ns: 0 };

@@ -18,7 +18,7 @@ pub(crate) fn optics(camera: &settings::Camera) -> Optics {
 }
 
 /// The failings that a deployment asks for.
-pub(crate) fn failings(camera: &settings::SimulatedCamera) -> Failings {
+pub(crate) fn failings(camera: &settings::SimulatedMotion) -> Failings {
     Failings {
         missed: camera.missed.get(),
         fragments: camera.fragments.get(),
@@ -38,6 +38,6 @@ mod tests {
     #[test]
     fn default_settings_are_the_simulators_defaults() {
         assert_eq!(optics(&settings::Camera::default()), Optics::default());
-        assert_eq!(failings(&settings::SimulatedCamera::default()), Failings::default());
+        assert_eq!(failings(&settings::SimulatedMotion::default()), Failings::default());
     }
 }
