@@ -2,6 +2,7 @@
 
 use super::{fti, mapping, sbs, std};
 use ::evaluate::{Chain, Drive, Eyes, Variation, filter, mapped, read_world};
+use ::mapping::export::MapCopy;
 use ::sbs::{Frame, State};
 use messages::{FrameLayout, PixelFormat};
 use serde_json::Value;
@@ -56,7 +57,8 @@ impl Scene {
             Chain { std: std::parameters(settings), fti: fti::parameters(settings, 1.0), mapping: mapping::parameters(settings, 1.0) };
         let outcome = filter(&self.drive, &chain).unwrap();
         let mapper = mapped(&self.drive, &chain.mapping, &outcome.verdicts).unwrap();
-        format!("{:?} {:?} {:?} {}", outcome.motions, outcome.verdicts, mapper.summary(), mapping_answers(&chain.mapping))
+        let published = MapCopy::of(&mapper);
+        format!("{:?} {:?} {published:?} {}", outcome.motions, outcome.verdicts, mapping_answers(&chain.mapping))
     }
 
     fn motion(&self, settings: &Settings) -> String {
@@ -96,11 +98,18 @@ fn values(root: &Value, kind: &Value, default: &Value) -> Vec<String> {
     if let Some(choices) = kind["oneOf"].as_array().or_else(|| kind["enum"].as_array()) {
         return choices.iter().map(|choice| choice.get("const").unwrap_or(choice).to_string()).collect();
     }
-    if let (Some(rows), Some(cell)) = (default.as_array(), kind["items"]["items"].is_object().then(|| resolved(root, &kind["items"]["items"]))) {
+    if let (Some(rows), Some(cell)) =
+        (default.as_array(), kind["items"]["items"].is_object().then(|| resolved(root, &kind["items"]["items"])))
+    {
         // Tables change in every cell: which of them fire is the drive's.
         return values(root, cell, &default[0][0])
             .into_iter()
-            .map(|value| format!("[{}]", vec![format!("[{}]", vec![value; rows[0].as_array().map_or(0, Vec::len)].join(", ")); rows.len()].join(", ")))
+            .map(|value| {
+                format!(
+                    "[{}]",
+                    vec![format!("[{}]", vec![value; rows[0].as_array().map_or(0, Vec::len)].join(", ")); rows.len()].join(", ")
+                )
+            })
             .collect();
     }
     if kind["type"] == "array" || kind["x-form"].as_str().is_some_and(|form| form.starts_with("three")) {
@@ -109,7 +118,7 @@ fn values(root: &Value, kind: &Value, default: &Value) -> Vec<String> {
     if kind["type"] == "boolean" {
         return vec!["true".to_owned(), "false".to_owned()];
     }
-    let (low, high) = (kind["minimum"].as_f64().unwrap(), kind["maximum"].as_f64().unwrap());
+    let (Some(low), Some(high)) = (kind["minimum"].as_f64(), kind["maximum"].as_f64()) else { return Vec::new() };
     let middle = default.as_f64().unwrap_or(low);
     let numbers = [low, 0.5 * (low + middle), 0.9 * middle, 1.2 * middle + 0.1 * low.abs(), 0.5 * (middle + high), high];
     let whole = kind["type"] == "integer";

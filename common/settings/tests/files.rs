@@ -49,9 +49,16 @@ fn defaults_are_those_of_the_algorithm() {
 
 #[test]
 fn a_key_that_is_left_out_keeps_its_default() {
-    let settings = Settings::parse("x", "name = \"x\"\nprocess = [{ name = \"p\", run = \"playback\" }]\n[mapping]\nl_max = 3").unwrap();
+    let settings = Settings::parse(
+        "x",
+        "name = \"x\"\nprocess = [{ name = \"p\", run = \"playback\" }, { name = \"mapping\", run = \"mapping\" }]\n[mapping]\nl_max = 3",
+    )
+    .unwrap();
     let mut expected = Settings {
-        process: vec![Process { name: "p".to_owned().try_into().unwrap(), ..Process::built_in(BuiltIn::Playback) }],
+        process: vec![
+            Process { name: "p".to_owned().try_into().unwrap(), ..Process::built_in(BuiltIn::Playback) },
+            Process::built_in(BuiltIn::Mapping),
+        ],
         ..Settings::default()
     };
     expected.name = "x".to_owned().try_into().unwrap();

@@ -78,7 +78,8 @@ mod tests {
 
     fn settings(head: &str, tables: &str) -> Settings {
         let text = format!(
-            "name = \"x\"\n{head}\n{tables}[[process]]\nname = \"p\"\nrun = \"playback\"\n[[process]]\nname = \"s\"\nrun = \"sbs\"\n"
+            "name = \"x\"\n{head}\nprocess = [{{ name = \"p\", run = \"playback\" }}, {{ name = \"s\", run = \"sbs\" }}, {{ name = \"d\", run = \"std\" }}, \
+             {{ name = \"f\", run = \"fti\" }}]\n{tables}"
         );
         Settings::parse("x.toml", &text).unwrap()
     }
@@ -99,10 +100,10 @@ mod tests {
 
     #[test]
     fn settings_at_their_limits_make_fti() {
-        let low =
-            "[robot]\nrange_limit_m = 0.5\n[mapping]\nhorizon_s = 0\n[fti]\nexpect_camera = true\ncorrespond_m = 0\nreadiness = -20\n";
-        let high = "[mapping]\nhorizon_s = 10\n[fti]\nrule = \"paper\"\nexpect_camera = true\ncorrespond_m = 5\nreadiness = 20\n";
-        for numbers in [low, high] {
+        let low = "[robot]\nrange_limit_m = 0.5\n[mapping]\nhorizon_s = 0\n[fti]\nreadiness = -20\n";
+        let high = "[mapping]\nhorizon_s = 10\n[fti]\nreadiness = 20\n";
+        let paper = "[fti]\nmethod = \"paper\"\n[fti.paper]\ncorrespond_m = 5\n";
+        for numbers in [low, high, paper] {
             Fti::new(parameters(&settings("pace = \"lockstep\"", numbers), 1.0)).unwrap();
         }
     }

@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn what_is_set_is_what_it_works_by() {
-        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\nmethod = \"paper\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n";
+        let text = "name = \"x\"\n[camera]\nhorizon_share = 0.4\nfield_of_view_deg = 90\n[sbs]\nmethod = \"paper\"\nk = 2.5\nbeta = 1.0\nmin_area_px = 10\ntakeover_frames = 255\n[[process]]\nname = \"p\"\nrun = \"playback\"\n[[process]]\nname = \"s\"\nrun = \"sbs\"\n";
         let expected = Parameters {
             method: Method::Icp,
             horizon: 0.4,

@@ -34,9 +34,11 @@ mod tests {
     #[test]
     fn settings_at_their_limits_make_std() {
         let low = "span_scans = 1\ntolerance_cells = 0\nmoving_share = 0\nfree_for_scans = 1\naside_deg = 0\n";
-        let high = "rule = \"paper\"\nspan_scans = 100\ntolerance_cells = 5\nmoving_share = 1\nfree_for_scans = 100000\naside_deg = 180\n";
+        let high = "rule = \"paper\"\nspan_scans = 100\ntolerance_cells = 5\nmoving_share = 1\naside_deg = 180\n";
         for numbers in [low, high] {
-            let text = format!("name = \"x\"\n[std]\n{numbers}[[process]]\nname = \"p\"\nrun = \"playback\"\n");
+            let text = format!(
+                "name = \"x\"\n[std]\n{numbers}[[process]]\nname = \"p\"\nrun = \"playback\"\n[[process]]\nname = \"s\"\nrun = \"std\"\n"
+            );
             Std::new(parameters(&Settings::parse("x.toml", &text).unwrap())).unwrap();
         }
     }
