@@ -1,15 +1,15 @@
 //! Every key that an algorithm reads changes what the algorithm answers.
 
+use super::simulator::optics as simulator_optics;
 use super::{fti, mapping, sbs, std};
 use ::evaluate::{Chain, Drive, Eyes, Variation, filter, mapped, read_world};
 use ::mapping::export::MapCopy;
 use ::sbs::{Frame, State};
+use ::simulator::blobs::Failings;
+use ::simulator::camera::{Camera, Flaws, Picture};
 use messages::{FrameLayout, PixelFormat};
 use serde_json::Value;
 use settings::Settings;
-use simulator::blobs::Failings;
-use simulator::camera::{Camera, Flaws, Picture};
-use simulator::{Body, Optics};
 
 /// Sections whose keys this test turns; the others are read by drivers and shells, whose own tests hold them.
 const SECTIONS: [&str; 5] = ["mapping", "std", "sbs", "fti", "camera"];
@@ -34,9 +34,9 @@ impl Scene {
     fn new() -> Self {
         let settings = Settings::default();
         let world = read_world(WORLD, Variation { walkers: Some(3), seed: 1, stand_s: None }).unwrap();
-        let optics = Optics::of_settings(&settings.camera);
+        let optics = simulator_optics(&settings.camera);
         let eyes = Eyes { optics, failings: Failings::NONE };
-        let drive = Drive::through(&world, &Body::of_settings(&settings.robot), settings.robot.range_limit_m.get(), Some(&eyes), 1);
+        let drive = Drive::through(&world, &super::robot::body(&settings.robot), settings.robot.range_limit_m.get(), Some(&eyes), 1);
         let mut camera = Camera::new(&world, &optics, &Flaws::default(), 1);
         let mut picture = Picture::default();
         let mut take = |frame| {
