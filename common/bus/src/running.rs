@@ -24,10 +24,15 @@ impl RunningDomain {
     /// When the runtime folder cannot be read.
     pub fn all() -> Result<Vec<Self>, DomainError> {
         let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
-        let mut running: Vec<Self> =
-            names(&runtime).into_iter().filter_map(|name| Self::look(&DomainPaths::new(&runtime, &name))).collect();
+        Ok(Self::all_in(&runtime))
+    }
+
+    /// Every deployment that runs in a runtime folder, by name.
+    #[must_use]
+    pub fn all_in(runtime: &Path) -> Vec<Self> {
+        let mut running: Vec<Self> = names(runtime).into_iter().filter_map(|name| Self::look(&DomainPaths::new(runtime, &name))).collect();
         running.sort_by(|a, b| a.paths.name.cmp(&b.paths.name));
-        Ok(running)
+        running
     }
 
     /// Its name.
