@@ -1,22 +1,17 @@
-//! Files that cannot be used: one clear line, exit code 2, nothing written, nothing left.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
-mod harness;
+//! Unusable files and arguments: one error line, exit code 2, nothing left.
 
 use std::path::Path;
 
-use harness::{Bench, text};
+use toml::{Table, Value};
 
-const DEMO: &str = include_str!("../config/demo.toml");
-const WORLD: &str = include_str!("../config/worlds/hall.toml");
+use crate::harness::{Deployment, Sandbox, worlds};
 
 #[track_caller]
-fn refuses(bench: &Bench, arguments: &[&str], expected: &[&str]) {
-    let output = bench.output(arguments);
-    let said = text(&output.stderr);
-    let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-    assert_eq!(errors.len(), 1, "{arguments:?}: {said}");
+fn assert_refused(sandbox: &Sandbox, arguments: &[&str], expected: &[&str]) {
+    let ended = sandbox.output(arguments);
+    let errors: Vec<&str> = ended.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+    ended.assert_code(2);
+    assert_eq!(errors.len(), 1, "{arguments:?}: {}", ended.stderr);
     for word in expected {
         assert!(errors[0].contains(word), "{arguments:?}: {word:?} is missing in {:?}", errors[0]);
     }
@@ -27,59 +22,60 @@ fn name(path: &Path) -> &str {
 }
 
 #[test]
-fn settings() {
-    let bench = Bench::new();
-    let world = bench.write("hall.toml", WORLD);
-    let demo = DEMO.replace("worlds/hall.toml", name(&world));
-    let good = bench.write("good.toml", &demo);
-    assert_eq!(bench.output(["check", name(&good)]).status.code(), Some(0));
-
-    for (from, to, expected) in [
-        ("cell_m = 0.05", "cell_m = -1.0", &["bad.toml:", "mapping.cell_m", "-1"][..]),
-        ("cell_m = 0.05", "cel_m = 0.05", &["bad.toml:", "cel_m", "cell_m"]),
-        ("model = \"pioneer-1\"", "model = \"pioneer-9\"", &["bad.toml:", "robot.model", "pioneer-9", "p3-dx"]),
-        ("[robot]", "[robot", &["bad.toml:"]),
-        ("run = \"pioneer\"", "run = \"pionier\"", &["bad.toml:", "pionier"]),
+fn unusable_settings_are_refused_with_file_and_key() {
+    let sandbox = Sandbox::new();
+    let demo = Deployment::demo();
+    sandbox.output(["check", name(&demo.write(&sandbox))]).assert_code(0);
+    let settings = |demo: Deployment| demo.to_toml();
+    let unknown_program = demo.clone().without("pioneer").with("pionier");
+    for (settings, expected) in [
+        (settings(demo.clone().set("mapping.cell_m", -1.0)), &["bad.toml:", "mapping.cell_m", "-1"][..]),
+        (settings(demo.clone().set("mapping.cel_m", 0.05)), &["bad.toml:", "cel_m", "cell_m"]),
+        (settings(demo.clone().set("robot.model", "pioneer-9")), &["bad.toml:", "robot.model", "pioneer-9", "p3-dx"]),
+        (settings(demo) + "[std", &["bad.toml:"]),
+        (settings(unknown_program), &["bad.toml:", "pionier"]),
     ] {
-        assert!(demo.contains(from));
-        let bad = bench.write("bad.toml", &demo.replacen(from, to, 1));
-        refuses(&bench, &["check", name(&bad)], expected);
-        refuses(&bench, &["run", name(&bad)], expected);
+        let bad = sandbox.write("bad.toml", &settings);
+        assert_refused(&sandbox, &["check", name(&bad)], expected);
+        assert_refused(&sandbox, &["run", name(&bad)], expected);
     }
-    refuses(&bench, &["run", "nowhere.toml"], &["nowhere.toml"]);
+    assert_refused(&sandbox, &["run", "nowhere.toml"], &["nowhere.toml"]);
 }
 
 #[test]
-fn worlds() {
-    let bench = Bench::new();
-    let out = bench.path("out");
-    for (from, to) in [
-        ("speed_m_s = 0.28", "speed_m_s = -3"),
-        ("[robot]", "[robbot]"),
-        ("along_m = [[0, 0], [12, 0], [12, 7], [0, 7], [0, 0]]", "along_m = [[0, 0]]"),
+fn unusable_worlds_are_refused_with_their_file() {
+    let sandbox = Sandbox::new();
+    let out = sandbox.path("out");
+    let bad = |change: fn(&mut Table)| {
+        let mut world = worlds::read("hall");
+        change(&mut world);
+        world
+    };
+    for world in [
+        bad(|world| world["robot"]["speed_m_s"] = Value::from(-3)),
+        bad(|world| drop(world.insert("robbot".to_owned(), Value::Table(Table::new())))),
+        bad(|world| world["wall"][0]["along_m"].as_array_mut().unwrap().truncate(1)),
     ] {
-        assert!(WORLD.contains(from));
-        let bad = bench.write("bad-world.toml", &WORLD.replacen(from, to, 1));
-        refuses(&bench, &["demo", "--world", name(&bad), "--out", name(&out)], &["bad-world.toml:"]);
+        let world = worlds::write(&sandbox, &world);
+        assert_refused(&sandbox, &["demo", "--world", name(&world), "--out", name(&out)], &["world.toml:"]);
     }
-    assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]
-fn logs() {
-    let bench = Bench::new();
+fn files_that_are_no_logs_are_refused_with_their_name() {
+    let sandbox = Sandbox::new();
     for (file, bytes) in [("empty.mcap", &b""[..]), ("text.mcap", b"a line of text\n"), ("zeros.mcap", &[0; 4096])] {
-        let path = bench.path(file);
+        let path = sandbox.path(file);
         std::fs::write(&path, bytes).unwrap();
-        refuses(&bench, &["replay", name(&path)], &[file]);
-        refuses(&bench, &["log", "info", name(&path)], &[file]);
+        assert_refused(&sandbox, &["replay", name(&path)], &[file]);
+        assert_refused(&sandbox, &["log", "info", name(&path)], &[file]);
     }
-    refuses(&bench, &["replay", "nowhere.mcap"], &["nowhere.mcap"]);
+    assert_refused(&sandbox, &["replay", "nowhere.mcap"], &["nowhere.mcap"]);
 }
 
 #[test]
-fn faults() {
-    let bench = Bench::new();
+fn faults_that_cannot_be_injected_are_refused() {
+    let sandbox = Sandbox::new();
     for (arguments, expected) in [
         (&["--service", "map/tile", "drop"][..], &["--service", "'map/tile'", "expected robot/scan, motion/sonar"][..]),
         (&["--process", "a process", "kill"], &["--process", "'a process'", "1 to 24 of a-z"]),
@@ -91,6 +87,6 @@ fn faults() {
         (&["--service", "robot/scan", "delay", "--by", "-5"], &["--by", "'-5'", "expected 0.001 to 3600 s"]),
         (&["--service", "robot/scan", "delay", "--for", "1e9"], &["--for", "'1e9'", "expected 0 to 86400 s"]),
     ] {
-        refuses(&bench, &[&["inject"], arguments].concat(), expected);
+        assert_refused(&sandbox, &[&["inject"], arguments].concat(), expected);
     }
 }

@@ -1,17 +1,15 @@
-//! Masks against the truth: the score of a sequence, what people look at, and files that cannot be used.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
-mod harness;
+//! `stillmap evaluate camera`: foreground masks scored against the truth, outputs for people, and unusable files.
 
 use std::path::{Path, PathBuf};
 
-use harness::{Bench, text};
 use serde_json::Value;
+
+use crate::harness::Sandbox;
 
 const WIDTH: usize = 80;
 const HEIGHT: usize = 60;
 
-/// A textured wall, before which a dark square walks from frame 20 on, and its truth: frame by frame, luminance then labels.
+/// A textured wall with a dark square that walks in front of it from frame 20 on, and the truth: luminance and labels of each frame.
 fn sequence(count: usize) -> Vec<[Vec<u8>; 2]> {
     let mut noise = 1_u32;
     let mut random = || {
@@ -34,7 +32,7 @@ fn sequence(count: usize) -> Vec<[Vec<u8>; 2]> {
         .collect()
 }
 
-/// Writes a Y4M with so many bytes of chroma in each frame.
+/// Writes a Y4M file with so many bytes of chroma in each frame.
 fn write(path: &Path, header: &str, frames: impl IntoIterator<Item = Vec<u8>>, chroma: usize) {
     let mut bytes = format!("YUV4MPEG2 {header}\n").into_bytes();
     for frame in frames {
@@ -46,64 +44,64 @@ fn write(path: &Path, header: &str, frames: impl IntoIterator<Item = Vec<u8>>, c
 }
 
 /// Both files of a sequence.
-fn files(bench: &Bench, count: usize) -> [PathBuf; 2] {
-    let paths = [bench.path("frames.y4m"), bench.path("labels.y4m")];
+fn files(sandbox: &Sandbox, count: usize) -> [PathBuf; 2] {
+    let paths = [sandbox.path("frames.y4m"), sandbox.path("labels.y4m")];
     for (k, path) in paths.iter().enumerate() {
         write(path, "W80 H60 F15:1 Cmono", sequence(count).into_iter().map(|pair| pair[k].clone()), 0);
     }
     paths
 }
 
-fn evaluate(bench: &Bench, frames: &Path, labels: &Path, more: &[&str]) -> Result<Value, String> {
+fn evaluate(sandbox: &Sandbox, frames: &Path, labels: &Path, more: &[&str]) -> Result<Value, String> {
     let mut arguments = vec!["evaluate", "camera", frames.to_str().unwrap(), labels.to_str().unwrap(), "--json"];
     arguments.extend(more);
-    let output = bench.output(&arguments);
-    match output.status.code() {
-        Some(0) => Ok(serde_json::from_slice(&output.stdout).unwrap()),
-        Some(2) => Err(text(&output.stderr)),
-        other => panic!("{other:?}: {}", text(&output.stderr)),
+    let ended = sandbox.output(&arguments);
+    match ended.code {
+        Some(0) => Ok(serde_json::from_str(&ended.stdout).unwrap()),
+        Some(2) => Err(ended.stderr),
+        other => panic!("{other:?}: {}", ended.stderr),
     }
 }
 
 #[test]
-fn a_square_that_walks_is_scored() {
-    let bench = Bench::new();
-    let [frames, labels] = files(&bench, 50);
-    let score = evaluate(&bench, &frames, &labels, &[]).unwrap();
+fn a_walking_square_scores_above_ninety_percent() {
+    let sandbox = Sandbox::new();
+    let [frames, labels] = files(&sandbox, 50);
+    let score = evaluate(&sandbox, &frames, &labels, &[]).unwrap();
     let number = |key: &str| score[key].as_f64().unwrap_or_else(|| panic!("{key} is missing in {score}"));
     assert!(number("f1") > 0.9 && number("precision") > 0.9 && number("recall") > 0.9, "{score}");
     assert!(number("false_blobs_per_frame") < 0.05 && number("shadow_as_foreground") == 0.0, "{score}");
     assert!(number("ms_per_frame") > 0.0);
     assert_eq!((&score["frames"], &score["frames_scored"]), (&50.into(), &20.into()), "frames 30 to 119 are scored");
-    let chosen = evaluate(&bench, &frames, &labels, &["--frames", "40..44"]).unwrap();
+    let chosen = evaluate(&sandbox, &frames, &labels, &["--frames", "40..44"]).unwrap();
     assert_eq!(chosen["frames_scored"], 5);
-    let by_landmarks = evaluate(&bench, &frames, &labels, &["--compensation", "icp", "--horizon", "0"]).unwrap();
+    let by_landmarks = evaluate(&sandbox, &frames, &labels, &["--compensation", "icp", "--horizon", "0"]).unwrap();
     assert!(by_landmarks["f1"].as_f64().unwrap() > 0.9, "{by_landmarks}");
 }
 
 #[test]
-fn every_colour_space_gives_the_same_score() {
-    let bench = Bench::new();
-    let [frames, labels] = files(&bench, 40);
+fn all_colour_spaces_score_the_same() {
+    let sandbox = Sandbox::new();
+    let [frames, labels] = files(&sandbox, 40);
     let score = |frames: &Path| {
-        let mut score = evaluate(&bench, frames, &labels, &[]).unwrap();
+        let mut score = evaluate(&sandbox, frames, &labels, &[]).unwrap();
         score["ms_per_frame"] = Value::Null;
         score
     };
     let mono = score(&frames);
     for (colour, chroma) in [("420jpeg", WIDTH * HEIGHT / 2), ("422", WIDTH * HEIGHT), ("444", 2 * WIDTH * HEIGHT)] {
-        let path = bench.path(colour);
+        let path = sandbox.path(colour);
         write(&path, &format!("W80 H60 C{colour}"), sequence(40).into_iter().map(|[luma, _]| luma), chroma);
         assert_eq!(score(&path), mono, "{colour}");
     }
 }
 
 #[test]
-fn pictures_and_a_log_show_the_scored_frames() {
-    let bench = Bench::new();
-    let [frames, labels] = files(&bench, 40);
-    let out = bench.path("new/out");
-    evaluate(&bench, &frames, &labels, &["--frames", "35..37", "--out", out.to_str().unwrap()]).unwrap();
+fn scored_frames_are_written_as_pictures_and_log() {
+    let sandbox = Sandbox::new();
+    let [frames, labels] = files(&sandbox, 40);
+    let out = sandbox.path("new/out");
+    evaluate(&sandbox, &frames, &labels, &["--frames", "35..37", "--out", out.to_str().unwrap()]).unwrap();
     let mut names: Vec<String> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     assert_eq!(names, ["camera.mcap", "frame_00035.png", "frame_00036.png", "frame_00037.png"]);
@@ -131,18 +129,18 @@ fn pictures_and_a_log_show_the_scored_frames() {
 }
 
 #[test]
-fn files_that_cannot_be_used_are_named() {
-    let bench = Bench::new();
-    let [frames, labels] = files(&bench, 40);
+fn unusable_files_are_refused_with_name_and_place() {
+    let sandbox = Sandbox::new();
+    let [frames, labels] = files(&sandbox, 40);
     let check = |frames: &Path, labels: &Path, more: &[&str], expected: &[&str]| {
-        let said = evaluate(&bench, frames, labels, more).unwrap_err();
+        let said = evaluate(&sandbox, frames, labels, more).unwrap_err();
         assert_eq!(said.lines().count(), 1, "{said}");
         for word in expected {
             assert!(said.contains(word), "{word:?} is missing in {said:?}");
         }
     };
-    let broken = bench.path("broken.y4m");
-    check(&bench.path("nowhere.y4m"), &labels, &[], &["nowhere.y4m"]);
+    let broken = sandbox.path("broken.y4m");
+    check(&sandbox.path("nowhere.y4m"), &labels, &[], &["nowhere.y4m"]);
     std::fs::write(&broken, "RIFF").unwrap();
     check(&broken, &labels, &[], &["broken.y4m: at byte 0", "RIFF", "YUV4MPEG2"]);
     write(&broken, "W80 H60 C420p10", [], 0);
@@ -153,8 +151,8 @@ fn files_that_cannot_be_used_are_named() {
     check(&frames, &broken, &[], &["broken.y4m: pictures of 96 × 60", "80 × 60 as in", "frames.y4m"]);
     write(&broken, "W80 H60 Cmono", sequence(39).into_iter().map(|[_, labels]| labels), 0);
     check(&frames, &broken, &[], &["broken.y4m: ends after 39 frames", "frames.y4m"]);
-    let whole = std::fs::read(&frames).unwrap();
-    std::fs::write(&broken, &whole[..whole.len() - 7]).unwrap();
+    let bytes = std::fs::read(&frames).unwrap();
+    std::fs::write(&broken, &bytes[..bytes.len() - 7]).unwrap();
     check(&broken, &labels, &[], &["broken.y4m: at byte", "7 bytes before the end of frame 39"]);
     check(&frames, &labels, &["--frames", "100..119"], &["labels.y4m: no pixel to score", "100 to 119 of 40", "--frames"]);
 }

@@ -1,77 +1,71 @@
-//! kill -9 of processes that a drive does not rest on: each comes back, the drive ends with its map, and nothing is left.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
-mod harness;
+//! kill -9 of processes that a drive can lose: each restarts, the drive ends with its map, and nothing is left.
 
 use std::path::Path;
 
-use drivelog::{Ending, Entry, Log, Outcome, Preamble, Recording};
-use harness::replays::{Watched, children, replay_settings, sha256_of};
-use harness::{Bench, OCCUPIED, PgmMap, Run, kill, map_sha256, signal, text};
+use drivelog::{Ending, Log, Outcome, Preamble, Recording};
 use messages::{Pose, SonarReading, SonarScan};
 use rustix::process::Signal;
 
-const CORRIDOR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor-empty.toml");
+use crate::harness::processes::{Exit, kill, signal};
+use crate::harness::{Deployment, Ended, OCCUPIED, PgmMap, Run, Sandbox, is_running, recorded, replay, worlds};
 
-fn start(bench: &Bench) -> Run {
-    let out = bench.path("out");
-    let settings = bench.sonar_only(CORRIDOR);
-    Run::start(bench.stillmap(["run", settings.to_str().unwrap(), "--speed", "10", "--out", out.to_str().unwrap()]))
+fn start(sandbox: &Sandbox) -> Run {
+    sandbox.run(&Deployment::sonar_only(worlds::path("corridor-empty")), &["--speed", "4"])
 }
 
+/// Sends the process a signal in mid-drive and checks the map.
 #[track_caller]
-fn survives_the_kill_of(process: &str, bench: &Bench) -> String {
-    survives(Signal::KILL, process, bench).0
-}
-
-/// Sends the process a signal in mid-drive and looks at what came of it; the hash of the map, and what was said.
-#[track_caller]
-fn survives(deadly: Signal, process: &str, bench: &Bench) -> (String, String) {
-    let run = start(bench);
-    bench.wait_for("mapping", "it has taken 150 scans", |mapping| mapping["received"].as_u64() > Some(150));
-    bench.remember_domain();
-    let before = bench.wait_for(process, "it runs", |it| it["state"] == "running" && it["pid"].is_u64());
-    signal(before["pid"].as_u64().unwrap(), deadly);
-    let after = bench.wait_for(process, "it runs again", |it| it["restarts"] == 1 && it["state"] == "running");
-    assert_ne!(after["pid"], before["pid"]);
+fn drive_with(process: &str, deadly: Signal, sandbox: &Sandbox) -> Ended {
+    let mut run = start(sandbox);
+    run.wait_for("mapping", "it has received 150 scans", |it| it.received > 150);
+    let before = run.wait_for(process, "it runs", is_running);
+    signal(before.pid, deadly);
+    let after = run.wait_for(process, "it has restarted", |it| it.restarts == 1 && is_running(it));
+    assert_ne!(after.pid, before.pid);
     let ended = run.end();
-    let driven = map_sha256(&ended);
-    let map = PgmMap::read(&bench.path("out"));
-    // The right wall before the kill and the left wall long after it, in the map frame.
-    assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "what was mapped before the kill is there");
-    assert!(map.wall_share([6.9, 1.2], [8.6, 1.2], 0.1) > 0.8, "the drive went on after it");
+    ended.assert_code(0);
+    let map = PgmMap::read(&sandbox.path("demo-out"));
+    // The right wall before the signal and the left wall long after it, in the map frame.
+    assert!(map.wall_share([2.3, -1.0], [3.9, -1.0], 0.1) > 0.8, "the wall mapped before the signal");
+    assert!(map.wall_share([6.9, 1.2], [8.6, 1.2], 0.1) > 0.8, "the wall mapped after it");
     assert!(map.count(OCCUPIED) > 300);
-    assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
-    (driven, text(&ended.stderr))
+    sandbox.assert_nothing_left();
+    ended
+}
+
+/// The hash of the map that the log gives.
+#[track_caller]
+fn replayed(sandbox: &Sandbox) -> String {
+    sandbox.replayed(&sandbox.path("demo-out").join("drive.mcap"), "again")
 }
 
 #[test]
-fn mapping_and_the_map_is_that_of_the_log() {
-    let bench = Bench::new();
-    let driven = survives_the_kill_of("mapping", &bench);
-    assert_eq!(replayed(&bench), driven);
+fn a_killed_mapping_resumes_with_the_map_of_the_log() {
+    let sandbox = Sandbox::new();
+    let ended = drive_with("mapping", Signal::KILL, &sandbox);
+    assert_eq!(replayed(&sandbox), ended.map());
 }
 
 #[test]
-fn mapping_that_somebody_tells_to_stop() {
-    let bench = Bench::new();
-    let (driven, said) = survives(Signal::TERM, "mapping", &bench);
-    assert!(said.contains("was told to stop (SIGTERM), not by the supervisor; starts again"), "{said}");
-    assert_eq!(replayed(&bench), driven);
+fn a_mapping_terminated_by_a_stranger_restarts() {
+    let sandbox = Sandbox::new();
+    let ended = drive_with("mapping", Signal::TERM, &sandbox);
+    assert!(ended.stderr.contains("was told to stop (SIGTERM), not by the supervisor; starts again"), "{}", ended.stderr);
+    assert_eq!(replayed(&sandbox), ended.map());
 }
 
 #[test]
-fn pioneer_that_somebody_interrupts_ends_no_stream() {
-    let (_, said) = survives(Signal::INT, "pioneer", &Bench::new());
-    assert!(said.contains("was told to stop (SIGINT), not by the supervisor; starts again"), "{said}");
+fn a_driver_interrupted_by_a_stranger_restarts() {
+    let ended = drive_with("pioneer", Signal::INT, &Sandbox::new());
+    assert!(ended.stderr.contains("was told to stop (SIGINT), not by the supervisor; starts again"), "{}", ended.stderr);
 }
 
 #[test]
-fn recorder_and_its_log_is_whole() {
-    let bench = Bench::new();
-    let driven = survives_the_kill_of("recorder", &bench);
-    assert!(bench.path("out").join("drive.2.mcap").exists(), "the log goes on in a second part");
-    assert_eq!(replayed(&bench), driven);
+fn a_killed_recorder_continues_the_log_in_a_second_part() {
+    let sandbox = Sandbox::new();
+    let ended = drive_with("recorder", Signal::KILL, &sandbox);
+    assert!(sandbox.path("demo-out").join("drive.2.mcap").exists());
+    assert_eq!(replayed(&sandbox), ended.map());
 }
 
 /// A drive along a wall, of so many scans, as a log.
@@ -90,72 +84,59 @@ fn write_log(path: &Path, scans: u64) {
 }
 
 #[test]
-fn recorder_of_a_log_that_is_too_long_for_one_file() {
+fn a_recorder_killed_after_its_first_file_loses_no_scan() {
     const SCANS: u64 = 1500;
-    let bench = Bench::new();
-    let log = bench.path("long.mcap");
+    let sandbox = Sandbox::new();
+    let log = sandbox.path("long.mcap");
     write_log(&log, SCANS);
-    // The recorder flushes each scan, since the next one comes only then: every one is a chunk.
-    let settings = bench.write("long.toml", &replay_settings("long", &log, "").replace("window = 16", "window = 1"));
-    let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
+    // With one scan on the way each scan is flushed, and each flush is a chunk: the file has all the chunks that it can hold.
+    let mut run = sandbox.run(&replay::replay("long", &log).set("playback.window", 1), &[]);
     let said = run.wait_for_line("recording continues in");
     assert!(said.contains("drive.2.mcap"), "{said}");
-    let recorder = children(run.pid()).into_iter().find(|(name, _)| name == "recorder");
-    kill(recorder.unwrap().1);
-    let map = sha256_of(&run.end());
+    kill(run.pid_of("recorder"));
+    let map = run.end().map();
 
-    let path = bench.path("long-out").join("drive.mcap");
-    let mut again = Log::open(&path).unwrap();
-    let mut scans = Vec::new();
-    while let Some(entry) = again.next_of::<SonarScan>().unwrap() {
-        scans.extend(if let Entry::Message { seq, .. } = entry { Some(seq) } else { None });
-    }
+    let path = sandbox.path("long-out").join("drive.mcap");
+    let scans: Vec<u64> = recorded::<SonarScan>(&path).into_iter().map(|(seq, _)| seq).collect();
     assert_eq!(scans, (1..=SCANS).collect::<Vec<_>>());
+    let mut again = Log::open(&path).unwrap();
+    while again.next_of::<SonarScan>().unwrap().is_some() {}
     let names: Vec<_> = again.parts().iter().map(|part| part.path.file_name().unwrap().to_str().unwrap()).collect();
     assert_eq!(names, ["drive.mcap", "drive.2.mcap", "drive.3.mcap"]);
-    for whole in [&again.parts()[0], &again.parts()[2]] {
-        assert_eq!(whole.outcome, Outcome::Read(Ending::Complete), "{whole:?}");
+    for complete in [&again.parts()[0], &again.parts()[2]] {
+        assert_eq!(complete.outcome, Outcome::Read(Ending::Complete), "{complete:?}");
     }
-    let settings = bench.write("again.toml", &replay_settings("again", &path, ""));
-    assert_eq!(sha256_of(&Watched::start(bench.stillmap(["run", settings.to_str().unwrap()])).end()), map);
-}
-
-/// The hash of the map that the log gives.
-fn replayed(bench: &Bench) -> String {
-    let log = bench.path("out").join("drive.mcap");
-    map_sha256(&bench.output(["replay", log.to_str().unwrap(), "--out", bench.path("again").to_str().unwrap()]))
+    assert_eq!(sandbox.run(&replay::replay("again", &path), &[]).end().map(), map);
 }
 
 #[test]
-fn supervisor() {
-    let bench = Bench::new();
-    kill_the_supervisor(&bench, |_| ());
+fn a_killed_supervisor_leaves_nothing() {
+    let sandbox = Sandbox::new();
+    kill_the_supervisor(&sandbox, || ());
 }
 
-/// As a service manager removes it, which kills after that. The folder goes in one step: live processes write into it, and one that is
-/// removed entry by entry may have a new entry when it is about to go itself.
+/// As a service manager does it that removes the folder before it kills. The folder goes in one step: live processes write into it, and
+/// one that is removed entry by entry may have a new entry when it is about to go itself.
 #[test]
-fn supervisor_whose_runtime_folder_is_gone() {
-    let bench = Bench::new();
-    kill_the_supervisor(&bench, |bench| {
-        let aside = bench.path("removed");
-        std::fs::rename(bench.runtime(), &aside).unwrap();
+fn a_supervisor_killed_without_runtime_folder_leaves_nothing() {
+    let sandbox = Sandbox::new();
+    kill_the_supervisor(&sandbox, || {
+        let aside = sandbox.path("removed");
+        std::fs::rename(sandbox.runtime(), &aside).unwrap();
         std::fs::remove_dir_all(&aside).unwrap();
     });
 }
 
-/// Kills the supervisor in mid-drive, after something else, and waits for the end of its guard and its processes: nothing is left of the
-/// deployment then.
+/// Kills the supervisor in mid-drive, after something else, and waits for the exits of its guard and its processes.
 #[track_caller]
-fn kill_the_supervisor(bench: &Bench, before: impl Fn(&Bench)) {
-    let run = start(bench);
-    bench.wait_for("mapping", "it has taken 50 scans", |mapping| mapping["received"].as_u64() > Some(50));
-    bench.remember_domain();
-    let children = harness::exits_of_children(run.pid());
-    assert!(children.len() > 5, "the guard and the processes: {}", children.len());
-    before(bench);
-    kill(run.pid().into());
-    drop(run);
-    children.iter().for_each(|child| harness::wait_for_exit(child));
-    assert_eq!(bench.left_behind(), Vec::<std::path::PathBuf>::new());
+fn kill_the_supervisor(sandbox: &Sandbox, before: impl Fn()) {
+    let mut run = start(sandbox);
+    run.wait_for("mapping", "it has received 50 scans", |it| it.received > 50);
+    let children = Exit::of_children(run.pid());
+    assert_eq!(children.len(), 7, "six processes and the guard");
+    before();
+    kill(run.pid());
+    children.iter().for_each(Exit::wait);
+    sandbox.assert_nothing_left();
+    assert_eq!(run.end().code, None, "killed");
 }

@@ -1,8 +1,5 @@
-//! What others may see and do: nothing of a running deployment is open to other users or to the network, and no name in a file
-//! leads out of the folders that the command line names.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
-
-mod harness;
+//! What other users, the network and foreign files can see and do: nothing of a running deployment is open to them, and no name in a
+//! file leads out of the folders that the command line names.
 
 use std::collections::HashSet;
 use std::fs;
@@ -11,38 +8,31 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use drivelog::{Preamble, Recording};
-use harness::{Bench, Run, signal, text};
 use messages::{Pose, SonarReading, SonarScan};
-use serde_json::Value;
+use rustix::process::Signal;
 
-const WORLD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/worlds/corridor.toml");
+use crate::harness::processes::{children, signal};
+use crate::harness::{Deployment, Run, Sandbox, worlds};
+use crate::live_page::page_address;
 
-/// The demo, with its page and its sonars, while it drives.
-fn driving(bench: &Bench) -> Run {
-    let kinds = ["recorder", "mapping", "fti", "std", "viewer", "simulator", "pioneer"];
-    let processes = kinds.map(|kind| format!("[[process]]\nname = {kind:?}\nrun = {kind:?}\n")).concat();
-    let settings = bench.write(
-        "drive.toml",
-        &format!(
-            "name = \"drive\"\n{processes}[simulator]\nworld = {WORLD:?}\n[pioneer]\nport = \"simulator\"\n
-            [mapping]\nexpect_verdicts = true\n[fti]\nexpect_camera = false\n"
-        ),
-    );
-    // Under the most careless mask: what is private is so because we say so.
-    let command = bench.stillmap(["run", settings.to_str().unwrap()]);
-    let mut careless = bench.stillmap_by("sh");
-    careless.args(["-c", "umask 0; exec \"$0\" \"$@\""]).arg(command.get_program()).args(command.get_args());
-    let run = Run::start(careless);
-    let is_served = |process: &Value| process["note"].as_str().is_some_and(|note| note.starts_with("http://"));
-    drop(bench.wait_for("viewer", "it serves the page", is_served));
-    drop(bench.wait_for("mapping", "it maps", |process| process["received"].as_u64() > Some(0)));
+/// A drive with its page, in mid-drive.
+fn driving(sandbox: &Sandbox) -> Run {
+    let drive = Deployment::new("drive", &["recorder", "mapping", "fti", "std", "viewer", "simulator", "pioneer"]);
+    let drive = drive.set("simulator.world", worlds::path("corridor")).set("pioneer.port", "simulator");
+    let drive = drive.set("mapping.expect_verdicts", true).set("fti.expect_camera", false);
+    // Under the most permissive mask: files are private by what the command does, not by the user's mask.
+    let command = sandbox.command(&drive, &[]);
+    let mut permissive = sandbox.program("sh");
+    permissive.args(["-c", "umask 0; exec \"$0\" \"$@\""]).arg(command.get_program()).args(command.get_args());
+    let mut run = sandbox.run_by(permissive, &drive);
+    page_address(&mut run);
+    run.wait_for("mapping", "it maps", |it| it.received > 0);
     run
 }
 
 fn end(run: Run) {
-    signal(run.pid().into(), rustix::process::Signal::TERM);
-    let ended = run.end();
-    assert_eq!(ended.status.code(), Some(0), "{}", text(&ended.stderr));
+    signal(run.pid(), Signal::TERM);
+    run.end().assert_code(0);
 }
 
 /// Everything below a folder.
@@ -60,9 +50,7 @@ fn all_below(folder: &Path) -> Vec<PathBuf> {
 
 /// The supervisor and its children.
 fn pids(run: &Run) -> Vec<u32> {
-    let supervisor = run.pid();
-    let children = fs::read_to_string(format!("/proc/{supervisor}/task/{supervisor}/children")).unwrap();
-    children.split_ascii_whitespace().map(|pid| pid.parse().unwrap()).chain([supervisor]).collect()
+    children(run.pid()).into_iter().chain([run.pid()]).collect()
 }
 
 /// Inodes of the sockets of these processes.
@@ -82,34 +70,32 @@ fn local_addresses(table: &str) -> Vec<(String, u64)> {
 }
 
 #[test]
-fn nothing_of_a_deployment_is_open_to_other_users() {
-    let bench = Bench::new();
-    let run = driving(&bench);
-    bench.remember_domain();
-    let left = bench.left_behind();
-    let shared: Vec<&PathBuf> = left.iter().filter(|path| path.starts_with("/dev/shm")).collect();
+fn other_users_cannot_open_anything_of_a_deployment() {
+    let sandbox = Sandbox::new();
+    let run = driving(&sandbox);
+    let shared = sandbox.shared_memory();
     assert!(shared.len() > 20, "{shared:?}");
     for path in shared {
-        let mode = fs::metadata(path).unwrap().mode();
+        let mode = fs::metadata(&path).unwrap().mode();
         assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", path.display());
     }
-    // Whoever cannot enter the folder cannot reach what is in it.
+    // A user who cannot enter the folder cannot reach what is in it.
     for name in ["drive", "drive/bus", "drive/state"] {
-        let folder = bench.runtime().join(name);
+        let folder = sandbox.runtime().join(name);
         let found = fs::metadata(&folder).unwrap();
         assert_eq!((found.mode() & 0o777, found.uid()), (0o700, rustix::process::getuid().as_raw()), "{name}");
     }
     for name in ["drive.lock", "drive.members"] {
-        assert_eq!(fs::metadata(bench.runtime().join(name)).unwrap().mode() & 0o777, 0o600, "{name}");
+        assert_eq!(fs::metadata(sandbox.runtime().join(name)).unwrap().mode() & 0o777, 0o600, "{name}");
     }
     end(run);
-    assert_eq!(bench.left_behind(), Vec::<PathBuf>::new());
+    sandbox.assert_nothing_left();
 }
 
 #[test]
-fn nothing_listens_beyond_this_computer() {
-    let bench = Bench::new();
-    let run = driving(&bench);
+fn a_deployment_listens_on_the_loopback_interface_only() {
+    let sandbox = Sandbox::new();
+    let run = driving(&sandbox);
     let ours = sockets(&pids(&run));
     let of_tables = |tables: [&str; 4]| tables.map(local_addresses).concat().into_iter().filter(|(_, inode)| ours.contains(inode));
     let addresses: Vec<String> = of_tables(["tcp", "tcp6", "udp", "udp6"]).map(|(address, _)| address).collect();
@@ -123,9 +109,9 @@ fn nothing_listens_beyond_this_computer() {
             Ok(bytes) => Ipv6Addr::from(bytes).is_loopback(),
             Err(_) => bytes.first() == Some(&127),
         };
-        assert!(is_loopback, "{address} is not this computer alone");
+        assert!(is_loopback, "{address} is no loopback address");
     }
-    // Names that begin with @ are in no folder: every user reaches them.
+    // Socket names that begin with @ are in no folder: every user reaches them.
     let unix = fs::read_to_string("/proc/net/unix").unwrap();
     for line in unix.lines().skip(1) {
         let fields: Vec<&str> = line.split_ascii_whitespace().collect();
@@ -135,18 +121,11 @@ fn nothing_listens_beyond_this_computer() {
     end(run);
 }
 
-/// A log whose settings want more than a map.
-fn hostile_log(bench: &Bench) -> PathBuf {
-    let settings = format!(
-        "name = \"x\"\nout = \"{out}\"
-        [[process]]\nname = \"mapping\"\nrun = \"mapping\"
-        [[process]]\nname = \"recorder\"\nrun = \"recorder\"
-        [[process]]\nname = \"driver\"\ncommand = [\"/bin/touch\", {touched:?}]
-        [recorder]\nfile = \"written.mcap\"
-        [viewer]\naddress = \"0.0.0.0\"\ntoken = \"known-to-strangers\"\n",
-        out = bench.path("elsewhere").display(),
-        touched = bench.path("touched"),
-    );
+/// A log whose settings ask for more than a map.
+fn hostile_log(sandbox: &Sandbox) -> PathBuf {
+    let hostile = Deployment::new("x", &["mapping", "recorder"]).set("out", sandbox.path("elsewhere"));
+    let hostile = hostile.with_driver(["/bin/touch".into(), sandbox.path("touched")]).set("recorder.file", "written.mcap");
+    let settings = hostile.set("viewer.address", "0.0.0.0").set("viewer.token", "known-to-strangers").to_toml();
     let preamble = Preamble { run: 1, robot: "../../robot".into(), sonars: Vec::new(), origin: "../../origin".into(), settings };
     let mut recording = Recording::new(&preamble).unwrap();
     let reading = SonarReading { range_m: 1.0, echo: 1, ..SonarReading::default() };
@@ -154,48 +133,49 @@ fn hostile_log(bench: &Bench) -> PathBuf {
         recording.scan(seq, seq * 100_000_000, &SonarScan::new(Pose::default(), &[reading], false)).unwrap();
     }
     recording.end::<SonarScan>(20, 2_000_000_000).unwrap();
-    fs::create_dir(bench.path("logs")).unwrap();
-    let log = bench.path("logs").join("drive.mcap");
+    fs::create_dir(sandbox.path("logs")).unwrap();
+    let log = sandbox.path("logs").join("drive.mcap");
     fs::write(&log, recording.finish().unwrap()).unwrap();
     log
 }
 
 #[test]
-fn a_log_decides_nothing_but_the_map() {
-    let bench = Bench::new();
-    let log = hostile_log(&bench);
+fn the_settings_in_a_log_only_affect_the_map() {
+    let sandbox = Sandbox::new();
+    let log = hostile_log(&sandbox);
     for (arguments, made) in [
         (vec!["replay", log.to_str().unwrap()], "replay-out"),
         (vec!["log", "info", log.to_str().unwrap()], ""),
         (vec!["log", "recover", log.to_str().unwrap()], "logs/drive-recovered.mcap"),
     ] {
-        let before: HashSet<PathBuf> = all_below(&bench.path("")).into_iter().collect();
-        let ended = bench.output(&arguments);
-        assert_eq!(ended.status.code(), Some(0), "{arguments:?}: {}{}", text(&ended.stdout), text(&ended.stderr));
-        let fresh = all_below(&bench.path("")).into_iter().filter(|path| !before.contains(path));
-        let astray: Vec<PathBuf> = fresh.filter(|path| made.is_empty() || !path.starts_with(bench.path(made))).collect();
+        let before: HashSet<PathBuf> = all_below(&sandbox.path("")).into_iter().collect();
+        let ended = sandbox.output(&arguments);
+        assert_eq!(ended.code, Some(0), "{arguments:?}: {}{}", ended.stdout, ended.stderr);
+        let fresh = all_below(&sandbox.path("")).into_iter().filter(|path| !before.contains(path));
+        let astray: Vec<PathBuf> = fresh.filter(|path| made.is_empty() || !path.starts_with(sandbox.path(made))).collect();
         assert_eq!(astray, Vec::<PathBuf>::new(), "{arguments:?}");
-        assert!(made.is_empty() || bench.path(made).exists(), "{arguments:?}");
+        assert!(made.is_empty() || sandbox.path(made).exists(), "{arguments:?}");
     }
 }
 
 #[test]
-fn names_in_settings_are_names() {
-    let bench = Bench::new();
-    for (section, key) in [
-        ("name = \"../x\"", "name"),
-        ("name = \"x\"\n[recorder]\nfile = \"../drive.mcap\"", "recorder.file"),
-        ("name = \"x\"\n[recorder]\nfile = \"/tmp/drive.mcap\"", "recorder.file"),
-        ("name = \"x\"\n[recorder]\nfile = \"..\"", "recorder.file"),
-        ("name = \"x\"\n[[process]]\nname = \"../../mapping\"\nrun = \"mapping\"", "process[0].name"),
-        ("name = \"x\"\n[[process]]\nname = \"a/b\"\nrun = \"mapping\"", "process[0].name"),
+fn names_in_settings_that_are_paths_are_refused() {
+    let sandbox = Sandbox::new();
+    let x = || Deployment::new("x", &[]);
+    for (bad, key) in [
+        (x().set("name", "../x"), "name"),
+        (x().set("recorder.file", "../drive.mcap"), "recorder.file"),
+        (x().set("recorder.file", "/tmp/drive.mcap"), "recorder.file"),
+        (x().set("recorder.file", ".."), "recorder.file"),
+        (x().set("process", [toml::toml! { name = "../../mapping" run = "mapping" }]), "process[0].name"),
+        (x().set("process", [toml::toml! { name = "a/b" run = "mapping" }]), "process[0].name"),
     ] {
-        let settings = bench.write("bad.toml", section);
+        let settings = sandbox.write("bad.toml", &bad.to_toml());
         for command in ["check", "run"] {
-            let ended = bench.output([command, settings.to_str().unwrap()]);
-            let said = text(&ended.stderr);
-            assert_eq!(ended.status.code(), Some(2), "{section}: {said}");
-            assert!(said.lines().any(|line| line.starts_with("error: ") && line.contains(key)), "{section}: {said}");
+            let ended = sandbox.output([command, settings.to_str().unwrap()]);
+            ended.assert_code(2);
+            let said = ended.stderr;
+            assert!(said.lines().any(|line| line.starts_with("error: ") && line.contains(key)), "{bad:?}: {said}");
         }
     }
 }

@@ -4,10 +4,13 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 
+use rustix::fs::inotify::WatchFlags;
 use rustix::fs::{Mode, OFlags};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// Where it is while it is plugged.
+use crate::harness::inotify::Inotify;
+
+/// Its device while it is plugged.
 pub(crate) const PORT: &str = "/dev/ttyUSB0";
 
 /// What is at the other end of the cable.
@@ -19,7 +22,7 @@ pub(crate) enum End {
     Robot,
 }
 
-/// Tells the machine around this one, and waits until it is done.
+/// Commands the machine around this one, and waits until it is done.
 fn tell(word: &str) {
     let line = rustix::fs::open("/dev/ttyS1", OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
     let mut attributes = tcgetattr(&line).unwrap();
@@ -43,18 +46,16 @@ pub(crate) fn connect(end: End) {
 
 /// Plugs the adapter, and waits until the kernel has made its device.
 pub(crate) fn plug() {
-    tell("plug");
-    wait_until(|| Path::new(PORT).exists());
+    change("plug", true);
 }
 
 /// Pulls the adapter, and waits until the kernel has taken its device away.
 pub(crate) fn pull() {
-    tell("pull");
-    wait_until(|| !Path::new(PORT).exists());
+    change("pull", false);
 }
 
-fn wait_until(holds: impl Fn() -> bool) {
-    while !holds() {
-        std::thread::yield_now();
-    }
+fn change(word: &str, plugged: bool) {
+    let devices = Inotify::watch(Path::new("/dev"), WatchFlags::CREATE | WatchFlags::DELETE);
+    tell(word);
+    devices.wait_until(word, || Path::new(PORT).exists() == plugged);
 }

@@ -1,47 +1,35 @@
-//! kill -9 of the camera's driver: it opens the camera again, its pictures are numbered on, and they come to their end.
-
-use std::path::PathBuf;
+//! kill -9 of the camera's driver: it opens the camera again, its pictures are numbered on, and their stream ends in order.
 
 use drivelog::{Entry, Log};
 use messages::CameraFrame;
 use rustix::process::Signal;
 
-use crate::PATIENT;
-use crate::harness::replays::{Watched, kill_in_the_middle_of_one_of_its_checkpoints, pid_of};
-use crate::harness::{Bench, kill, signal};
-use crate::vivid::{self, DEVICE, WEBCAM};
+use crate::harness::blocked_file::{BlockedFile, Room};
+use crate::harness::processes::{kill, signal, stop};
+use crate::harness::{Run, Sandbox, counter};
+use crate::vivid::{self, webcam};
 
-/// Pictures that each incarnation gives at the least.
+/// Pictures of each incarnation.
 const ENOUGH: u64 = 10;
 
-/// Takes pictures, kills the driver as told, has it take pictures again if it is not to be `over`, and looks at what was recorded.
+/// Takes pictures, kills the driver as told, has it take pictures again unless the run is `over` then, and checks the log.
 #[track_caller]
-fn goes_on_after(kill: impl FnOnce(&Bench, &mut Watched), over: bool) {
+fn kill_by(kill: impl FnOnce(&Sandbox, &mut Run), over: bool) {
     vivid::renew();
-    let bench = Bench::new();
-    let processes: String =
-        ["recorder", "pioneer", "camera"].iter().map(|name| format!("[[process]]\nname = \"{name}\"\nrun = \"{name}\"\n")).collect();
-    let settings = bench.write(
-        "shooting.toml",
-        &format!(
-            "name = \"shooting\"\nout = \"out\"\n{processes}{PATIENT}[pioneer]\nport = \"/dev/no-robot\"\n\
-             [camera]\ndevice = \"{DEVICE}\"\n{WEBCAM}"
-        ),
-    );
-    let mut run = Watched::start(bench.stillmap(["run", settings.to_str().unwrap()]));
-    drop(run.wait_for_line("recorder   is up"));
-    bench.remember_domain();
-    kill(&bench, &mut run);
+    let sandbox = Sandbox::new();
+    let shooting = crate::deployment("shooting", &["recorder", "pioneer", "camera"]).set("pioneer.port", "/dev/no-robot");
+    let mut run = sandbox.run(&webcam(shooting), &[]);
+    kill(&sandbox, &mut run);
     if !over {
-        bench.wait_for("camera", "it is back", |it| it["restarts"] == 1 && it["counters"]["pictures"].as_u64() >= Some(ENOUGH));
-        signal(run.pid().into(), Signal::INT);
+        run.wait_for("camera", "it has restarted", |it| it.restarts == 1 && counter(it, "pictures") >= Some(ENOUGH));
+        signal(run.pid(), Signal::INT);
     }
-    let (code, told, said) = run.end();
-    assert_eq!(code, Some(0), "{told}{said}");
-    assert!(told.lines().any(|line| line == "restarted  camera once"), "{told}{said}");
-    assert_eq!(bench.left_behind(), Vec::<PathBuf>::new());
+    let ended = run.end();
+    ended.assert_code(0);
+    assert_eq!(ended.restarted(), Some("camera once"), "{}", ended.stderr);
+    sandbox.assert_nothing_left();
 
-    let mut log = Log::open(&bench.path("out").join("drive.mcap")).unwrap();
+    let mut log = Log::open(&sandbox.path("shooting-out").join("drive.mcap")).unwrap();
     let (mut last, mut end) = ((0, 0), None);
     while let Some(entry) = log.next_picture::<CameraFrame>().unwrap() {
         match entry {
@@ -53,49 +41,45 @@ fn goes_on_after(kill: impl FnOnce(&Bench, &mut Watched), over: bool) {
         }
     }
     assert!(last.0 >= ENOUGH, "{last:?}");
-    assert_eq!(end, Some(last.0), "{said}");
+    assert_eq!(end, Some(last.0), "{}", ended.stderr);
 }
 
-fn takes_pictures(bench: &Bench) {
-    bench.wait_for("camera", "it takes pictures", |it| it["counters"]["pictures"].as_u64() >= Some(ENOUGH));
-}
-
-#[test]
-#[ignore = "runs in a virtual machine: tests/device/run"]
-fn when_it_starts() {
-    goes_on_after(|_, run| kill(pid_of(run, "camera")), false);
+fn wait_for_pictures(run: &mut Run) -> u32 {
+    run.wait_for("camera", "it takes pictures", |it| counter(it, "pictures") >= Some(ENOUGH)).pid
 }
 
 #[test]
 #[ignore = "runs in a virtual machine: tests/device/run"]
-fn while_it_takes_pictures() {
-    let steady = |bench: &Bench, run: &mut Watched| {
-        takes_pictures(bench);
-        kill(pid_of(run, "camera"));
+fn a_camera_killed_when_it_starts_restarts() {
+    kill_by(|_, run| kill(run.pid_of("camera")), false);
+}
+
+#[test]
+#[ignore = "runs in a virtual machine: tests/device/run"]
+fn a_camera_killed_while_it_takes_pictures_numbers_on() {
+    kill_by(|_, run| kill(wait_for_pictures(run)), false);
+}
+
+#[test]
+#[ignore = "runs in a virtual machine: tests/device/run"]
+fn a_camera_killed_while_writing_a_checkpoint_numbers_on() {
+    let writing = |sandbox: &Sandbox, run: &mut Run| {
+        let camera = wait_for_pictures(run);
+        let file = BlockedFile::at(&sandbox.path("shooting-out").join("state/camera.fresh"), Room::None);
+        file.kill_writer(camera);
     };
-    goes_on_after(steady, false);
+    kill_by(writing, false);
 }
 
 #[test]
 #[ignore = "runs in a virtual machine: tests/device/run"]
-fn while_it_writes_a_checkpoint() {
-    let writing = |bench: &Bench, run: &mut Watched| {
-        takes_pictures(bench);
-        kill_in_the_middle_of_one_of_its_checkpoints(run, "camera", &bench.path("out").join("state/camera.fresh"));
-    };
-    goes_on_after(writing, false);
-}
-
-#[test]
-#[ignore = "runs in a virtual machine: tests/device/run"]
-fn when_it_is_asked_to_stop() {
-    let asked = |bench: &Bench, run: &mut Watched| {
-        takes_pictures(bench);
-        let camera = pid_of(run, "camera");
-        signal(camera, Signal::STOP);
-        signal(run.pid().into(), Signal::INT);
-        drop(run.wait_for_line("stopping in order"));
+fn a_camera_killed_when_asked_to_stop_ends_its_stream() {
+    let asked = |_: &Sandbox, run: &mut Run| {
+        let camera = wait_for_pictures(run);
+        stop(camera);
+        signal(run.pid(), Signal::INT);
+        run.wait_for_line("stopping in order");
         kill(camera);
     };
-    goes_on_after(asked, true);
+    kill_by(asked, true);
 }

@@ -7,10 +7,15 @@ mod camera_kills;
 mod deployment;
 mod first_look;
 #[path = "../harness/mod.rs"]
+#[allow(dead_code, unused_imports, reason = "the tests of whole deployments use the rest")]
 mod harness;
 mod serial;
 mod vivid;
 mod wall_clock;
 
-/// For every deployment here: an emulated machine on a busy host takes its time, and is not to be thought dead.
-const PATIENT: &str = "[supervisor]\nstartup_deadline_s = 60\nheartbeat_timeout_s = 60\nstop_deadline_s = 60\n";
+use harness::Deployment;
+
+/// A deployment of these processes with patience: an emulated machine on a busy host is slow, and no process of it is to be taken for hung.
+fn deployment(name: &str, programs: &[&str]) -> Deployment {
+    Deployment::new(name, programs).patient()
+}

@@ -1,12 +1,14 @@
 //! The robot's driver over a USB serial adapter that is pulled out in mid-drive and put back.
 
+use std::path::Path;
+
 use drivelog::{Entry, Log};
 use messages::SonarScan;
 use rustix::process::Signal;
 
-use crate::PATIENT;
 use crate::adapter::{self, End, PORT};
-use crate::harness::{Bench, Run, signal, text};
+use crate::harness::processes::signal;
+use crate::harness::{Sandbox, counter};
 
 /// The simulated robot's speed, m/s.
 const SPEED_M_S: f64 = 0.25;
@@ -16,36 +18,29 @@ const FOLLOWED_S: f64 = 4.0;
 
 #[test]
 #[ignore = "runs in a virtual machine: tests/device/run"]
-fn pulled_out_in_mid_drive_and_put_back() {
-    let bench = Bench::new();
-    let settings = bench.write(
-        "serial.toml",
-        &format!(
-            "name = \"serial\"\nout = \"out\"\n[[process]]\nname = \"recorder\"\nrun = \"recorder\"\n\
-             [[process]]\nname = \"mapping\"\nrun = \"mapping\"\n[[process]]\nname = \"pioneer\"\nrun = \"pioneer\"\n\
-             {PATIENT}[pioneer]\nport = \"{PORT}\"\n"
-        ),
-    );
+fn an_adapter_pulled_out_and_put_back_leaves_one_marked_gap() {
+    let sandbox = Sandbox::new();
+    let serial = crate::deployment("serial", &["recorder", "mapping", "pioneer"]).set("pioneer.port", PORT);
     adapter::connect(End::Robot);
-    let run = Run::start(bench.stillmap(["run", settings.to_str().unwrap()]));
-    bench.wait_for("pioneer", "it waits for its port", |it| it["note"].as_str().is_some_and(|note| note.contains("no such device")));
+    let mut run = sandbox.run(&serial, &[]);
+    run.wait_for("pioneer", "it waits for its port", |it| it.note.as_str().contains("no such device"));
     adapter::plug();
-    bench.wait_for("mapping", "60 scans", |it| it["received"].as_u64() > Some(60));
+    run.wait_for("mapping", "60 scans", |it| it.received > 60);
     adapter::pull();
-    bench.wait_for("pioneer", "the port is gone", |it| it["note"].as_str().is_some_and(|note| note.starts_with("/dev/ttyUSB0: no such")));
-    let at_gap = bench.wait_for("mapping", "it lives", |it| it["received"].is_u64())["received"].as_u64().unwrap();
+    run.wait_for("pioneer", "the port is gone", |it| it.note.as_str().starts_with("/dev/ttyUSB0: no such"));
+    let at_gap = run.wait_for("mapping", "any status", |_| true).received;
     adapter::plug();
-    let pioneer = bench.wait_for("pioneer", "80 more scans", |it| it["sent"].as_u64() > Some(at_gap + 80));
-    assert_eq!((&pioneer["restarts"], &pioneer["counters"]["reconnects"]), (&0.into(), &1.into()));
-    signal(run.pid().into(), Signal::INT);
-    let output = run.end();
+    let pioneer = run.wait_for("pioneer", "80 more scans", |it| it.sent > at_gap + 80);
+    assert_eq!((pioneer.restarts, counter(&pioneer, "reconnects")), (0, Some(1)));
+    signal(run.pid(), Signal::INT);
+    let ended = run.end();
     adapter::pull();
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    check_scans(&scans(&bench));
+    ended.assert_code(0);
+    check_scans(&scans(&sandbox.path("serial-out").join("drive.mcap")));
 }
 
-fn scans(bench: &Bench) -> Vec<(u64, SonarScan)> {
-    let mut log = Log::open(&bench.path("out").join("drive.mcap")).unwrap();
+fn scans(log: &Path) -> Vec<(u64, SonarScan)> {
+    let mut log = Log::open(log).unwrap();
     let mut scans = Vec::new();
     while let Some(entry) = log.next_of::<SonarScan>().unwrap() {
         if let Entry::Message { seq, stamp_ns, payload } = entry {
@@ -56,7 +51,7 @@ fn scans(bench: &Bench) -> Vec<(u64, SonarScan)> {
     scans
 }
 
-/// The gap is marked; over it the pose goes on from where it was, or to where the robot has driven meanwhile. It never jumps.
+/// The gap is marked; the pose after it is that before it, or the one to which the robot has driven meanwhile. It never jumps.
 fn check_scans(scans: &[(u64, SonarScan)]) {
     let time_ns = |at: usize| scans[at].0 - scans[at - 1].0;
     let gap = (1..scans.len()).max_by_key(|&at| time_ns(at)).unwrap();

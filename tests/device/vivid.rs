@@ -4,13 +4,18 @@ use std::path::Path;
 
 use camera::Device;
 
+use crate::harness::Deployment;
+
 /// Where it is; the only camera of the virtual machine.
 pub(crate) const DEVICE: &str = "/dev/video0";
 
-/// Input 0 is a webcam of 320 × 180 and more.
-pub(crate) const WEBCAM: &str = "width = 320\nheight = 180\nrate_hz = 15\ninput = 0\n";
+/// A deployment with this camera's input 0, a webcam of 320 × 180 and more.
+pub(crate) fn webcam(deployment: Deployment) -> Deployment {
+    let sized = deployment.set("camera.device", DEVICE).set("camera.width", 320).set("camera.height", 180);
+    sized.set("camera.rate_hz", 15).set("camera.input", 0)
+}
 
-/// What can be set or pressed, by the kernel's numbers (`drivers/media/test-drivers/vivid/vivid-ctrls.c`).
+/// Controls that can be set or pressed, by the kernel's numbers (`drivers/media/test-drivers/vivid/vivid-ctrls.c`).
 #[derive(Debug, Clone, Copy)]
 #[repr(u32)]
 pub(crate) enum Fault {
@@ -32,7 +37,7 @@ pub(crate) enum Fault {
     Stream = 0x00f0_f046,
 }
 
-/// Whether a gain is the camera's own choice, and which.
+/// Whether the camera controls its gain itself, and the gain.
 pub(crate) const AUTO_GAIN: u32 = 0x0098_0912;
 pub(crate) const GAIN: u32 = 0x0098_0913;
 
@@ -52,9 +57,9 @@ pub(crate) fn plug() {
     std::fs::write("/sys/bus/platform/drivers/vivid/bind", "vivid.0").unwrap();
 }
 
-/// A camera as it comes from the shop.
+/// The camera in its initial state.
 pub(crate) fn renew() {
     pull();
     plug();
-    assert!(Path::new(DEVICE).exists(), "the camera has another number now");
+    assert!(Path::new(DEVICE).exists(), "the camera has changed its number");
 }

@@ -1,4 +1,4 @@
-//! The process on a bus of its own: what it sends and writes is what the fold gives, also when it is killed on the way.
+//! The mapping process on a bus of its own publishes and writes what its fold gives, also when it is killed on the way.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -43,7 +43,7 @@ fn fold() -> Mapper {
     mapper
 }
 
-/// Everything that a mapping process is given and says.
+/// A mapping process with all its inputs and outputs.
 struct Bench {
     folder: tempfile::TempDir,
     scans: Writer<SonarScan>,
@@ -118,14 +118,14 @@ impl Bench {
         }
     }
 
-    /// Ends the scans, once everybody is connected to the process: what was sent by one that is gone does not reach who comes later.
+    /// Ends the scans, once all readers are connected to the process: messages of a process that has exited do not reach later readers.
     fn end(&mut self) {
         self.wait_until_answered(SCANS);
         self.look();
         self.scans.end(SCANS, SCANS * 100_000_000).unwrap();
     }
 
-    /// Takes what is there.
+    /// Takes the messages that have arrived.
     fn look(&mut self) {
         while let Some(received) = self.tiles.take().unwrap() {
             if let Received::Message(tile) = received {
@@ -144,7 +144,7 @@ impl Bench {
         }
     }
 
-    /// Takes what is sent until the summary of the whole is there.
+    /// Takes messages until the summary of the complete map has arrived.
     fn receive_all(&mut self) -> MapSummary {
         loop {
             let is_over = self.process.as_mut().unwrap().try_wait().unwrap().is_some();
@@ -153,7 +153,7 @@ impl Bench {
                 assert!(self.process.take().unwrap().wait().unwrap().success());
                 return summary;
             }
-            assert!(!is_over, "the process is over, but not its map");
+            assert!(!is_over, "the process has exited before its map was complete");
             self.wait();
         }
     }
@@ -166,7 +166,7 @@ impl Bench {
 }
 
 #[test]
-fn what_it_sends_and_writes_is_what_the_fold_gives() {
+fn mapping_publishes_and_writes_the_map_of_its_fold() {
     let mut bench = Bench::new("whole");
     bench.start(0);
     bench.send(1..=SCANS);
@@ -190,7 +190,7 @@ fn what_it_sends_and_writes_is_what_the_fold_gives() {
 }
 
 #[test]
-fn killed_on_the_way_it_goes_on_to_the_same_map() {
+fn mapping_killed_on_the_way_ends_with_the_same_map() {
     let mut bench = Bench::new("killed");
     let mut sent = 0;
     for (incarnation, last) in [(0, 90), (1, 91), (2, 300)] {

@@ -1,5 +1,4 @@
-//! The process on a bus of its own: what it sends is what the fold gives, also when it is killed on the way, and frames that lie
-//! are answered with words.
+//! The SBS process on a bus of its own publishes what its fold gives, also when it is killed on the way, and reports malformed frames.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -43,7 +42,7 @@ fn fold() -> (Vec<Answer>, State) {
     (answers.collect(), state)
 }
 
-/// One who reads the answers, and what it has: number, stamp and answer.
+/// A reader of the answers, and what it has received: number, stamp and answer.
 struct Answers {
     reader: Reader<CameraMotion>,
     taken: Vec<(u64, u64, CameraMotion)>,
@@ -63,13 +62,13 @@ impl Answers {
     }
 }
 
-/// Everything that the process is given and says.
+/// An SBS process with all its inputs and outputs.
 struct Bench {
     folder: tempfile::TempDir,
     frames: FrameWriter<CameraFrame>,
     progress: Reader<Progress>,
     heartbeats: Reader<Heartbeat>,
-    /// Who reads the answers.
+    /// Readers of the answers.
     answers: Vec<Answers>,
     masks: FrameReader<CameraMask>,
     backgrounds: FrameReader<CameraBackground>,
@@ -148,20 +147,19 @@ impl Bench {
         }
     }
 
-    /// One more reads the answers from now on. Returns its place.
+    /// Adds a reader of the answers. Returns its index.
     fn join(&mut self) -> usize {
         self.answers.push(Answers::of(&mut self.watcher));
         self.answers.len() - 1
     }
 
-    /// Ends the frames, once everybody is connected to the process, which has been heard of: what was sent by one that is gone does
-    /// not reach who comes later.
+    /// Ends the frames, once all readers are connected to the process: messages of a process that has exited do not reach later readers.
     fn end(&mut self, seq: u64, stamp_ns: u64) {
         self.look();
         self.frames.end(seq, stamp_ns).unwrap();
     }
 
-    /// Takes what is there: the answers, and the last of the pictures.
+    /// Takes what has arrived: the answers, and the last of the pictures.
     fn look(&mut self) {
         self.answers.iter_mut().for_each(Answers::take);
         while let Some(received) = self.masks.take().unwrap() {
@@ -219,7 +217,7 @@ fn check_answers(received: &[(u64, u64, CameraMotion)]) {
 }
 
 #[test]
-fn what_it_sends_is_what_the_fold_gives() {
+fn sbs_publishes_the_answers_of_its_fold() {
     let mut bench = Bench::new("whole");
     bench.start(0);
     bench.send(1..=FRAMES);
@@ -235,7 +233,7 @@ fn what_it_sends_is_what_the_fold_gives() {
 }
 
 #[test]
-fn killed_on_the_way_it_goes_on_to_the_same_answers() {
+fn sbs_killed_on_the_way_ends_with_the_same_answers() {
     let mut bench = Bench::new("killed");
     let mut sent = 0;
     for (incarnation, last) in [(0, 7), (1, 9), (2, 40)] {
@@ -246,7 +244,7 @@ fn killed_on_the_way_it_goes_on_to_the_same_answers() {
         bench.kill();
         sent = last;
     }
-    // Who reads the answers may have died, too, and go on from further back.
+    // A reader of the answers may have been killed, too, and resume from further back.
     let late = bench.join();
     bench.start(3);
     bench.send(sent + 1..=FRAMES);
@@ -258,7 +256,7 @@ fn killed_on_the_way_it_goes_on_to_the_same_answers() {
 }
 
 #[test]
-fn frames_that_lie_are_answered_with_words() {
+fn malformed_frames_are_refused_and_reported() {
     let mut bench = Bench::new("lies");
     bench.start(0);
     bench.send(1..=2);

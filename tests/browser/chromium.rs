@@ -4,13 +4,11 @@ use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
 
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
-/// Longest a page may take for an answer before the test is called hung; nothing is measured by it.
-const WATCHDOG: Duration = Duration::from_secs(240);
+use crate::harness::WATCHDOG;
 
 /// A browser with one page; killed when dropped.
 pub(crate) struct Chromium {
@@ -22,7 +20,7 @@ pub(crate) struct Chromium {
 }
 
 impl Chromium {
-    /// Starts the browser; none when there is none on this machine.
+    /// Starts the browser; `None` when it is not installed.
     pub(crate) fn start() -> Option<Self> {
         let profile = tempfile::tempdir().unwrap();
         let mut command = Command::new("chromium");
@@ -39,7 +37,7 @@ impl Chromium {
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().ok()?;
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
         let address = lines.find_map(|line| line.strip_prefix("DevTools listening on ").map(str::to_owned)).expect("its debugging address");
-        // What it says later is read to nowhere, so that it never waits for a reader.
+        // Its later output is discarded, so that it never blocks on the pipe.
         std::thread::spawn(move || lines.for_each(drop));
         let host = address.trim_start_matches("ws://").split('/').next().unwrap().to_owned();
         let stream = TcpStream::connect(host).unwrap();
@@ -66,7 +64,7 @@ impl Chromium {
             "new Promise(done => {{ const look = () => {{ let holds = false; try {{ holds = {condition}; }} catch {{}} \
              if (holds) done(true); else setTimeout(look, 30); }}; look(); }})"
         );
-        // A page that is being loaded takes its promises with it.
+        // A page that is being replaced drops its promises.
         while self.evaluate(&until) != Value::Bool(true) {}
     }
 
@@ -82,7 +80,7 @@ impl Chromium {
         self.evaluate(expression).as_str().unwrap().to_owned()
     }
 
-    /// Makes the page as large as this, px.
+    /// Sets the size of the page, px.
     pub(crate) fn screen(&mut self, width: u32, height: u32) {
         let is_phone = width < 600;
         self.ask(
@@ -91,8 +89,8 @@ impl Chromium {
         );
     }
 
-    /// Keeps a picture of the whole page.
-    pub(crate) fn picture(&mut self, path: &Path) {
+    /// Saves a screenshot of the whole page.
+    pub(crate) fn screenshot(&mut self, path: &Path) {
         let answer = self.ask("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": true }));
         let png = data_encoding::BASE64.decode(answer["data"].as_str().unwrap().as_bytes()).unwrap();
         std::fs::write(path, png).unwrap();

@@ -1,0 +1,30 @@
+//! Whole deployments: the `stillmap` command and its processes, observed from outside.
+//!
+//! One binary, so that the product is linked once: `cargo test -p stillmap --test stillmap [PART OF A NAME]`. Its tests run as threads
+//! of one process, so none of them changes the environment, the working directory or the limits of that process: each has a
+//! [`harness::Sandbox`] and sets them for the commands that it starts.
+//!
+//! Two tests are run by name: [`soak`] with a thousand kills, and [`memory`] over an hour of driving; each says how.
+#![expect(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests fail by panicking, and say what they skip")]
+
+mod bad_input;
+mod browser;
+mod drive;
+mod driver_kills;
+mod environment;
+mod evaluate_camera;
+mod faults;
+mod filtering;
+mod harness;
+mod kills;
+mod line_noise;
+mod live_page;
+mod memory;
+mod no_space;
+mod own_driver;
+mod processes;
+mod real_robot;
+mod replay_kills;
+mod resume;
+mod security;
+mod soak;
