@@ -175,7 +175,7 @@ struct Coverage {
 fn check_scans(scans: &[(u64, SonarScan)], packets: &[Packet], switched_off: bool, said: &str) -> Coverage {
     let mut found = Coverage::default();
     let mut next = 0;
-    let starts: Vec<usize> = (0..scans.len()).filter(|&at| at == 0 || scans[at].1.after_gap == 1).collect();
+    let starts: Vec<usize> = (0..scans.len()).filter(|&at| at == 0 || scans[at].1.after_gap > 0).collect();
     for (&from, to) in starts.iter().zip(starts.iter().skip(1).copied().chain([scans.len()])) {
         let run = &scans[from..to];
         let fits = |at: &usize| run.iter().zip(&packets[*at..]).all(|((_, scan), packet)| was_made_of(scan, packet));

@@ -200,7 +200,11 @@ fn recording_stops_on_a_full_disk_and_resumes_in_a_new_file() {
     ended.assert_code(0);
     assert_eq!(ended.restarted(), None);
     let said = |words: &str| ended.stderr.find(words).unwrap_or_else(|| panic!("{words}: {}", ended.stderr));
-    assert!(said("fills the disk of recorder as configured, for 8 s") < said("the log file has reached its size limit"), "{}", ended.stderr);
+    assert!(
+        said("fills the disk of recorder as configured, for 8 s") < said("the log file has reached its size limit"),
+        "{}",
+        ended.stderr
+    );
     assert!(said("the disk of recorder is no longer full") < said("recording resumed in"), "{}", ended.stderr);
     said("messages are not recorded");
     let out = sandbox.path("live-out");

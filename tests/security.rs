@@ -9,8 +9,10 @@ use std::path::{Path, PathBuf};
 
 use drivelog::{Preamble, Recording};
 use messages::{Pose, SonarReading, SonarScan};
+use rustix::fs::inotify::WatchFlags;
 use rustix::process::Signal;
 
+use crate::harness::inotify::Inotify;
 use crate::harness::processes::{children, signal};
 use crate::harness::{Deployment, Run, Sandbox, worlds};
 use crate::live_page::page_address;
@@ -79,6 +81,9 @@ fn other_users_cannot_open_anything_of_a_deployment() {
         let mode = fs::metadata(&path).unwrap().mode();
         assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", path.display());
     }
+    // The first checkpoint makes the folder of checkpoints.
+    let state = sandbox.runtime().join("drive/state");
+    Inotify::watch(&sandbox.runtime().join("drive"), WatchFlags::CREATE).wait_until("a checkpoint", || state.exists());
     // A user who cannot enter the folder cannot reach what is in it.
     for name in ["drive", "drive/bus", "drive/state"] {
         let folder = sandbox.runtime().join(name);
