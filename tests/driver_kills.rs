@@ -10,7 +10,7 @@ use std::path::Path;
 use drivelog::{Entry, Log};
 use messages::{CameraFrame, ProcessStatus, SonarScan};
 use settings::Settings;
-use simulator::{Body, Packet, Simulation, read_world};
+use simulator::{Packet, Simulation, read_world};
 
 use crate::harness::blocked_file::{BlockedFile, Room};
 use crate::harness::processes::{Exit, kill, resume, stop};
@@ -61,7 +61,7 @@ impl Drive {
     fn packets(&self) -> Vec<Packet> {
         let settings = Settings::parse("demo.toml", &self.deployment.to_toml()).unwrap();
         let world = read_world(&settings.simulator.world).unwrap();
-        let mut drive = Simulation::new(&world, &Body::of_settings(&settings.robot), settings.simulator.seed.get().into());
+        let mut drive = Simulation::new(&world, &stillmap::process::robot::body(&settings.robot), settings.simulator.seed.get().into());
         std::iter::from_fn(|| Some(drive.next_packet()?.0)).collect()
     }
 

@@ -184,7 +184,7 @@ fn a_run_without_its_driver_ends_once_no_data_moves() {
     let sandbox = Sandbox::new();
     let lost = Deployment::new("lost", &["recorder", "mapping", "fti", "std", "viewer"]).with_driver(["/bin/false"]);
     let lost = lost.set("supervisor.startup_deadline_s", 60).set("supervisor.heartbeat_timeout_s", 60);
-    let lost = lost.set("mapping.expect_verdicts", true).set("fti.expect_camera", false).set("supervisor.restarts", 0);
+    let lost = lost.set("supervisor.restarts", 0);
     let ended = sandbox.run(&lost, &[]).end();
     ended.assert_code(3);
     let (stdout, stderr) = (&ended.stdout, &ended.stderr);

@@ -5,7 +5,13 @@
 //! [`harness::Sandbox`] and sets them for the commands that it starts.
 //!
 //! Two tests are run by name: [`soak`] with a thousand kills, and [`memory`] over an hour of driving; each says how.
-#![expect(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests fail by panicking, and say what they skip")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::float_cmp,
+    clippy::print_stderr,
+    reason = "tests fail by panicking, on exact values where these are exact, and say what they skip"
+)]
 
 mod bad_input;
 mod browser;

@@ -89,7 +89,7 @@ fn with_robot(deployment: Deployment) -> Deployment {
 /// A replay of these processes.
 fn deployment(log: &Path, programs: &[&str], window: u32) -> Deployment {
     let replay = with_robot(Deployment::new("replay", programs)).set("pace", "lockstep").tireless().patient();
-    let replay = replay.set("mapping.expect_verdicts", true).set("mapping.keep_unfiltered", true).set("fti.expect_camera", true);
+    let replay = replay.set("mapping.keep_unfiltered", true);
     replay.set("playback.log", log).set("playback.window", window)
 }
 

@@ -21,7 +21,6 @@ use crate::live_page::page_address;
 fn driving(sandbox: &Sandbox) -> Run {
     let drive = Deployment::new("drive", &["recorder", "mapping", "fti", "std", "viewer", "simulator", "pioneer"]);
     let drive = drive.set("simulator.world", worlds::path("corridor")).set("pioneer.port", "simulator");
-    let drive = drive.set("mapping.expect_verdicts", true).set("fti.expect_camera", false);
     // Under the most permissive mask: files are private by what the command does, not by the user's mask.
     let command = sandbox.command(&drive, &[]);
     let mut permissive = sandbox.program("sh");

@@ -15,7 +15,6 @@ fn a_drive_with_all_services_maps_the_corridor() {
     vivid::renew();
     let sandbox = Sandbox::new();
     let drive = webcam(crate::deployment("drive", &PROCESSES)).set("pioneer.port", PORT);
-    let drive = drive.set("mapping.expect_verdicts", true).set("fti.expect_camera", true);
     adapter::connect(End::Robot);
     adapter::plug();
     let mut run = sandbox.run(&drive, &[]);

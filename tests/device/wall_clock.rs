@@ -75,7 +75,7 @@ fn setting_the_clock_by_hours_disturbs_no_process() {
     vivid::renew();
     let sandbox = Sandbox::new();
     let drive = webcam(crate::deployment("drive", &PROCESSES)).set("pioneer.port", PORT);
-    let drive = drive.set("mapping.expect_verdicts", true).set("fti.expect_camera", true).set("fti.patience_s", 10);
+    let drive = drive.set("fti.patience_s", 10);
     adapter::connect(End::Robot);
     adapter::plug();
     let mut run = sandbox.run(&drive, &[]);

@@ -28,7 +28,7 @@ impl Deployment {
     /// and no deadline passes.
     pub(crate) fn sonar_only(world: impl Serialize) -> Self {
         let demo = Self::demo().without("sbs").without("viewer").set("simulator.world", world);
-        demo.set("simulator.camera.provides", "off").set("fti.expect_camera", false).set("fti.patience_s", 10)
+        demo.set("simulator.camera.provides", "off").set("fti.patience_s", 10)
     }
 
     /// Sets a key, of which the dots part the tables.
@@ -67,12 +67,13 @@ impl Deployment {
         self
     }
 
-    /// Takes a process out.
+    /// Takes out a process and the section of its name, which nothing reads without it.
     pub(crate) fn without(mut self, name: &str) -> Self {
         let processes = self.0["process"].as_array_mut().unwrap();
         let count = processes.len();
         processes.retain(|process| process["name"].as_str() != Some(name));
         assert_eq!(processes.len() + 1, count, "one process is named {name}");
+        self.0.remove(name);
         self
     }
 

@@ -5,13 +5,12 @@ use std::time::Duration;
 
 use bus::{Reader, Received, RunningDomain};
 use messages::DeploymentStatus;
-use runtime::Tool;
 
 /// A reader of one deployment's status. It is a member of the domain, so it must not outlive the wait that it serves: a supervisor waits
 /// at its end until no member is left.
 pub(crate) struct Observer {
     statuses: Reader<DeploymentStatus>,
-    tool: Tool,
+    inputs: runtime::Observer,
 }
 
 impl Observer {
@@ -19,16 +18,16 @@ impl Observer {
     pub(crate) fn join(runtime: &Path, deployment: Option<&str>) -> Option<Self> {
         let running = RunningDomain::all_in(runtime);
         let domain = running.iter().find(|domain| deployment.is_none_or(|name| name == domain.name()))?;
-        let mut tool = Tool::join(domain).ok()?;
-        let statuses = tool.reader().ok()?;
-        Some(Self { statuses, tool })
+        let mut inputs = runtime::Observer::join(domain).ok()?;
+        let statuses = inputs.reader().ok()?;
+        Some(Self { statuses, inputs })
     }
 
     /// The statuses that have come, after at most `within` without any.
     pub(crate) fn take(&mut self, within: Duration) -> Vec<DeploymentStatus> {
         let mut taken = self.take_now();
         if taken.is_empty() {
-            self.tool.wait(within).unwrap();
+            self.inputs.wait(within).unwrap();
             taken = self.take_now();
         }
         taken

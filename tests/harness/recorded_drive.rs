@@ -7,7 +7,7 @@ use evaluate::Drive;
 use messages::{CameraFrame, FrameLayout, PixelFormat, SonarScan};
 use settings::Settings;
 use simulator::camera::{Camera, Flaws, Picture};
-use simulator::{Body, Optics, World};
+use simulator::{Optics, World};
 
 use super::{Deployment, Sandbox};
 
@@ -31,7 +31,7 @@ impl RecordedDrive {
 fn log_of(deployment: &Deployment, pictures: bool) -> Vec<u8> {
     let settings = Settings::parse("drive.toml", &deployment.to_toml()).unwrap();
     let world = simulator::read_world(&settings.simulator.world).unwrap();
-    let (body, seed) = (Body::of_settings(&settings.robot), settings.simulator.seed.get().into());
+    let (body, seed) = (stillmap::process::robot::body(&settings.robot), settings.simulator.seed.get().into());
     let preamble = Preamble {
         run: 1,
         robot: "pioneer-1".to_owned(),
@@ -40,7 +40,7 @@ fn log_of(deployment: &Deployment, pictures: bool) -> Vec<u8> {
         settings: deployment.to_toml(),
     };
     let mut recording = Recording::new(&preamble).unwrap();
-    let mut camera = pictures.then(|| Pictures::new(&world, &settings, seed));
+    let mut camera = pictures.then(|| Pictures::new(&world, seed));
     let drive = Drive::through(&world, &body, settings.robot.range_limit_m.get(), None, seed);
     for scan in &drive.scans {
         if let Some(camera) = &mut camera {
@@ -56,6 +56,7 @@ fn log_of(deployment: &Deployment, pictures: bool) -> Vec<u8> {
     recording.finish().unwrap()
 }
 
+/// The pictures of the default camera.
 struct Pictures {
     camera: Camera,
     layout: FrameLayout,
@@ -65,8 +66,8 @@ struct Pictures {
 }
 
 impl Pictures {
-    fn new(world: &World, settings: &Settings, seed: u64) -> Self {
-        let optics = Optics::of_settings(&settings.camera);
+    fn new(world: &World, seed: u64) -> Self {
+        let optics = Optics::default();
         let [width, height] = optics.size_px;
         let layout = FrameLayout::packed(width, height, PixelFormat::Grey);
         Self { camera: Camera::new(world, &optics, &Flaws::default(), seed), layout, picture: Picture::default(), last: 0 }

@@ -46,5 +46,5 @@ pub(crate) fn replay(name: &str, log: &Path) -> Deployment {
 /// What a drive and its replays have in common.
 fn filtering(deployment: Deployment) -> Deployment {
     let robot = deployment.set("robot.range_limit_m", 3.0).set("robot.odometry_modulus", 32768);
-    robot.set("mapping.expect_verdicts", true).set("mapping.keep_unfiltered", true).set("fti.expect_camera", false)
+    robot.set("mapping.keep_unfiltered", true)
 }

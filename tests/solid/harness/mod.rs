@@ -60,7 +60,7 @@ impl Bench {
         let changes = [
             ("worlds/hall.toml", world),
             ("provides = \"pictures\"", "provides = \"off\""),
-            ("expect_camera = true", "patience_s = 10"),
+            ("[recorder]", "[fti]\npatience_s = 10\n\n[recorder]"),
             ("[[process]]\nname = \"sbs\"          # what moves, as the camera sees it\nrun = \"sbs\"\n", ""),
             ("[[process]]\nname = \"viewer\"       # the live page for a browser; the run does not depend on it\nrun = \"viewer\"\n", ""),
         ];
@@ -68,7 +68,8 @@ impl Bench {
             assert!(text.contains(from), "{from}");
             text.replacen(from, to, 1)
         });
-        self.write("sonar-only.toml", &text)
+        let text = text.split("[viewer]").next().unwrap_or_default();
+        self.write("sonar-only.toml", text)
     }
 
     /// The `stillmap` command in this bench.

@@ -37,7 +37,7 @@ pub(crate) fn record_drive(bench: &Bench) -> PathBuf {
         "name = \"drive\"\nout = \"drive-out\"\n{processes}
         [robot]\nmodel = \"pioneer-1\"\nrange_limit_m = 3.0\nodometry_modulus = 32768
         [simulator]\nworld = {WORLD:?}\n[pioneer]\nport = \"simulator\"
-        [mapping]\nexpect_verdicts = true\nkeep_unfiltered = true\n[fti]\nexpect_camera = false\n"
+        [mapping]\nkeep_unfiltered = true\n"
     );
     let settings = bench.write("drive.toml", &settings);
     map_sha256(&bench.output(["run", settings.to_str().unwrap(), "--speed", "20"]));
@@ -50,7 +50,7 @@ pub(crate) fn replay_settings(name: &str, log: &Path, more: &str) -> String {
     format!(
         "name = {name:?}\npace = \"lockstep\"\nout = \"{name}-out\"\n{processes}{more}
         [robot]\nmodel = \"pioneer-1\"\nrange_limit_m = 3.0\nodometry_modulus = 32768
-        [mapping]\nexpect_verdicts = true\nkeep_unfiltered = true\n[fti]\nexpect_camera = false
+        [mapping]\nkeep_unfiltered = true\n
         [playback]\nlog = {log:?}\nwindow = 16\n
         [supervisor]\nrestarts = 1000\nwithin_s = 1.0\nbackoff_first_s = 0.001\nbackoff_last_s = 0.01
         startup_deadline_s = 60.0\nheartbeat_timeout_s = 60.0\nstop_deadline_s = 60.0\n"
