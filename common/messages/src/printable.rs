@@ -8,8 +8,8 @@ use std::borrow::Cow;
 /// terminal that shows them, a line break could add a line that looks like the program's own.
 ///
 /// ```
-/// assert_eq!(messages::printable("pioneer-1"), "pioneer-1");
-/// assert_eq!(messages::printable("\u{1b}[31mred\nline"), "\\u{1b}[31mred\\nline");
+/// assert_eq!(stillmap_messages::printable("pioneer-1"), "pioneer-1");
+/// assert_eq!(stillmap_messages::printable("\u{1b}[31mred\nline"), "\\u{1b}[31mred\\nline");
 /// ```
 #[must_use]
 pub fn printable(text: &str) -> Cow<'_, str> {
