@@ -62,7 +62,6 @@ const RULES: &[Rule] = &[
     rule("fti.paper", |s| !likelihood(s), "no [fti.paper], or else fti.method = \"paper\""),
     rule("recorder", |s| s.runs(BuiltIn::Recorder), "no [recorder], or else a process with run = \"recorder\""),
     rule("playback", |s| s.runs(BuiltIn::Playback), "no [playback], or else a process with run = \"playback\""),
-    rule("playback.window", |s| s.pace == Pace::Lockstep, "no such key, or else pace = \"lockstep\""),
     rule("viewer", |s| s.runs(BuiltIn::Viewer), "no [viewer], or else a process with run = \"viewer\""),
 ];
 

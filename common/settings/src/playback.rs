@@ -23,7 +23,7 @@ pub struct Playback {
     #[serde(deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path"))]
     pub log: PathBuf,
-    /// How far playback publishes ahead of the slowest consumer, with the pace "lockstep".
+    /// How far playback publishes ahead of the slowest consumer.
     pub window: Window,
     /// Publish the camera motion of the log as it was recorded, in place of a process that runs "sbs".
     pub camera_motion: bool,
