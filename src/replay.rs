@@ -35,10 +35,7 @@ pub(crate) enum Pace {
 pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let ReplayArgs { log, pace, options } = args;
     let recorded = read_settings(log)?;
-    let (recorded, left_out) = Settings::parse_recorded(&format!("{}: its settings", log.display()), &recorded)?;
-    if !left_out.is_empty() {
-        tracing::warn!("{}: its settings have keys that this version does not know, left out: {}", log.display(), left_out.join(", "));
-    }
+    let recorded = recorded_settings(log, &recorded)?;
     let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {
@@ -47,6 +44,15 @@ pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<
     };
     tracing::info!("replaying {} {how}", log.display());
     drive(&settings, &once(options.speed.unwrap_or(1.0))?, options.open, bars)
+}
+
+/// The deployment of a log, from the settings in it. Keys that this version does not know are named in a warning.
+pub(crate) fn recorded_settings(log: &Path, text: &str) -> anyhow::Result<Settings> {
+    let (settings, left_out) = Settings::parse_recorded(&format!("{}: its settings", log.display()), text)?;
+    if !left_out.is_empty() {
+        tracing::warn!("{}: its settings have keys that this version does not know, left out: {}", log.display(), left_out.join(", "));
+    }
+    Ok(settings)
 }
 
 /// The settings of the recorded deployment. Fails if the log has no scan.

@@ -3,6 +3,7 @@
 use super::chain::chain;
 use crate::exit::BadInput;
 use crate::process::robot;
+use crate::replay::recorded_settings;
 use drivelog::{Entry, Log, Logged};
 use evaluate::{Chain, Drive, Numbered, Occupancy, Recorded, Trial, reference};
 use settings::Settings;
@@ -24,7 +25,7 @@ pub(crate) struct Scored {
 pub(crate) fn score(run: &Path) -> anyhow::Result<Scored> {
     let log = if run.is_dir() { run.join(LOG) } else { run.to_owned() };
     let text = Log::open(&log)?.preamble().settings.clone();
-    let settings = Settings::parse(&format!("{}: its settings", log.display()), &text)?;
+    let settings = recorded_settings(&log, &text)?;
     let recorded = read(&log)?;
     let (drive, outcome) = recorded.assemble().map_err(|error| BadInput(format!("{}: {error}", log.display())))?;
     let chain = chain(&settings);
