@@ -66,7 +66,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 pub(crate) fn inject(options: &InjectArgs) -> anyhow::Result<()> {
     let fault = planned(options)?;
     let domain = choose(&options.which)?;
-    let settings = Settings::read(&domain.directory().join("settings.toml"))?;
+    let settings = Settings::read_handed(&domain.directory().join("settings.toml"))?;
     match &fault.disturbance {
         Disturbance::Service { service, .. } => {
             let name = service.name();

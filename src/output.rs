@@ -10,7 +10,7 @@ pub(crate) fn line(text: &str) -> io::Result<()> {
     write_as_is(&format!("{}\n", printable(text)))
 }
 
-/// Writes lines of results, as [`line`]. Line breaks are kept: text from outside has to be escaped before it is put in.
+/// Writes lines of results, as [`line()`]. Line breaks are kept: text from outside has to be escaped before it is put in.
 pub(crate) fn write(text: &str) -> io::Result<()> {
     let lines: String = text.split_inclusive('\n').map(escaped).collect();
     write_as_is(&lines)

@@ -61,7 +61,8 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let sbs = if with_sbs { "[[process]]\nname = \"eyes\"\nrun = \"sbs\"\n" } else { "" };
         let text = format!(
-            "name = \"x\"\npace = \"{pace}\"\n[[process]]\nname = \"mapping\"\nrun = \"mapping\"\n{sbs}[[process]]\nname = \"playback\"\nrun = \"playback\"\n[playback]\nlog = \"drive.mcap\"\nwindow = 10\n"
+            "name = \"x\"\npace = \"{pace}\"\n[[process]]\nname = \"mapping\"\nrun = \"mapping\"\n{sbs}[[process]]\nname = \"playback\"\nrun = \"playback\"\n[playback]\nlog = \"drive.mcap\"\nwindow = 10\ncamera_motion = {}\n",
+            !with_sbs
         );
         std::fs::write(folder.path().join("settings.toml"), text).unwrap();
         write_log(&folder.path().join("drive.mcap"));

@@ -13,21 +13,24 @@ impl Settings {
     /// # Errors
     /// The first problem of the file, in one line with file, line, key, value and what was expected.
     pub fn read(path: &Path) -> Result<Self, DocumentError> {
-        let text = read_text(path)?;
-        let mut settings = Self::parse(&path.display().to_string(), &text)?;
+        Self::read_by(path, Self::parse)
+    }
+
+    /// Reads the file of settings that a supervisor hands to its processes, in which keys without effect are accepted.
+    ///
+    /// # Errors
+    /// As [`Settings::read`], but for those keys. An unknown key is refused: supervisor and process are of one version.
+    pub fn read_handed(path: &Path) -> Result<Self, DocumentError> {
+        Self::read_by(path, |file, text| parse_checked(file, text, Self::check))
+    }
+
+    fn read_by(path: &Path, parse: impl Fn(&str, &str) -> Result<Self, DocumentError>) -> Result<Self, DocumentError> {
+        let mut settings = parse(&path.display().to_string(), &read_text(path)?)?;
         let file = absolute(path).map_err(|source| DocumentError::unreadable(path, source))?;
         if let Some(folder) = file.parent() {
             settings.resolve(folder);
         }
         Ok(settings)
-    }
-
-    /// Reads the file of settings that a supervisor hands to its processes, as [`Settings::parse_recorded`] does.
-    ///
-    /// # Errors
-    /// As [`Settings::read`], and an unknown key: supervisor and process are of one version.
-    pub fn read_handed(path: &Path) -> Result<Self, DocumentError> {
-        parse_checked(&path.display().to_string(), &read_text(path)?, Self::check)
     }
 
     /// Reads settings from text; paths stay as they are written. `file` is what errors call the text.
