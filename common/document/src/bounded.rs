@@ -61,7 +61,7 @@ impl Number for i32 {
     }
 }
 
-/// A newtype made by [`bounded!`](crate::bounded) or [`one_of!`](crate::one_of).
+/// A newtype made by [`bounded!`](crate::bounded!) or [`one_of!`](crate::one_of!).
 pub trait Bounded: Sized {
     /// The primitive type.
     type Number: Number;

@@ -3,7 +3,7 @@
 //! | item | does |
 //! | --- | --- |
 //! | [`read_text`] | reads a file as text, up to [`MAX_BYTES`] |
-//! | [`parse`], [`parse_checked`] | deserialize a text into a type, and check relations between its values |
+//! | [`parse()`], [`parse_checked`] | deserialize a text into a type, and check relations between its values |
 //! | [`bounded!`], [`one_of!`] | declare numbers that cannot leave their limits |
 //!
 //! ```
