@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use proptest::collection::vec;
 use proptest::prelude::*;
-use stillmap_psos::{Command, Deframer, Frame, Identity, Sip, encode_frame};
+use stillmap_psos::{Command, Deframer, Frame, Identity, Sip, checksum, encode_frame};
 
 fn packet_data() -> impl Strategy<Value = Vec<u8>> {
     vec(any::<u8>(), 1..=198)
@@ -36,9 +36,25 @@ fn place(frame: &Frame) -> Range<usize> {
     start..start + frame.data.len() + 5
 }
 
+/// The packet as it is on the wire. A robot may send more data than [`encode_frame`] makes.
+fn packet_bytes(data: &[u8]) -> Vec<u8> {
+    let mut packet = vec![0xFA, 0xFB, data.len() as u8 + 2];
+    packet.extend(data);
+    packet.extend(checksum(data).to_be_bytes());
+    packet
+}
+
 /// Found, or cut by another packet whose checksum agrees: `FA FB 03 FA 00` before a packet makes one with its first byte.
 fn is_found_or_cut(packet: &Range<usize>, found: &[Frame]) -> bool {
     found.iter().map(place).any(|other| other.start < packet.end && packet.start < other.end)
+}
+
+#[test]
+fn packets_are_taken_up_to_the_longest_that_a_count_byte_can_say() {
+    for length in [198, 199, 207, 253] {
+        let data = vec![7; length];
+        assert_eq!(Deframer::new().push(&packet_bytes(&data)), [Frame { start: 0, data }]);
+    }
 }
 
 #[test]
@@ -84,7 +100,7 @@ proptest! {
         prop_assert_eq!(in_packets + deframer.counters().skipped_bytes + open, bytes.len() as u64);
         prop_assert_eq!(deframer.position(), bytes.len() as u64);
         for frame in found {
-            let packet = encode_frame(&frame.data).unwrap();
+            let packet = packet_bytes(&frame.data);
             prop_assert_eq!(&bytes[frame.start as usize..][..packet.len()], packet.as_slice());
         }
     }
