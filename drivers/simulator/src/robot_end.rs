@@ -24,6 +24,15 @@ const MOTORS_FLAG: u16 = 1;
 /// P2OS flags: the front array fires; the rear array's flag is the next bit.
 const FRONT_SONARS_FLAG: u16 = 1 << 1;
 
+/// P2OS charge state: the charger is not connected.
+const NOT_CHARGING: u8 = 0;
+
+/// P2OS temperature of a robot without a thermometer, -127 °C as a signed byte.
+const NO_TEMPERATURE: u8 = 0x81;
+
+/// P2OS state of charge of a robot that does not measure it, %.
+const NO_CHARGE_METER: u8 = 0;
+
 /// How far the handshake has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Link {
@@ -159,8 +168,6 @@ impl RobotEnd {
         let wheel = |side: f64| (packet.speed_m_s + side * half_track_m * packet.turn_rad_s) * 1000.0 / model.velocity_mm_s;
         let readings = packet.readings.iter().filter(|_| self.sonars_on);
         let moving = packet.speed_m_s != 0.0 || packet.turn_rad_s != 0.0;
-        let since_on_ms = packet.stamp_ns / 1_000_000;
-        let [timer_low, timer_high] = (since_on_ms as u16).to_le_bytes();
         Sip {
             status: (if moving { psos::MOVING } else { psos::STOPPED }) & 0x0F,
             x: self.counter(place.x_m),
@@ -175,8 +182,23 @@ impl RobotEnd {
             flags: self.flags(),
             compass: 0,
             readings: readings.map(|r| RawReading { sonar: r.sonar, range: self.body.range_units(r.range_m) }).collect(),
-            tail: vec![timer_low, timer_high, 0, 0, 0],
+            tail: self.tail(packet),
         }
+    }
+
+    /// The bytes after the readings. PSOS ends with timer, analog input, digital inputs and outputs. P2OS and its successors have a
+    /// port selection in place of the timer and eleven more bytes; some clients refuse packets without them.
+    fn tail(&self, packet: &Packet) -> Vec<u8> {
+        let since_start_ms = (packet.stamp_ns / 1_000_000) as u16;
+        if self.body.model().system == System::Psos {
+            return [&since_start_ms.to_le_bytes()[..], &[0; 3]].concat();
+        }
+        let turn = (packet.turn_rad_s.to_degrees() * 10.0).round() as i16;
+        let (port, inputs_outputs, charge_state, faults, sideways) = ([0; 2], [0; 3], [NOT_CHARGING], [0; 2], [0; 2]);
+        let battery = u16::from(BATTERY).to_le_bytes();
+        let parts: [&[u8]; 8] =
+            [&port, &inputs_outputs, &battery, &charge_state, &turn.to_le_bytes(), &faults, &sideways, &[NO_TEMPERATURE, NO_CHARGE_METER]];
+        parts.concat()
     }
 
     fn counter(&self, distance_m: f64) -> u16 {

@@ -207,6 +207,41 @@ fn a_robot_driven_by_hand_ignores_motion_and_outlives_its_client() {
     assert!(!robot.client_is_silent());
 }
 
+/// The subclass by which a simulated robot of this model names itself.
+fn subclass(model: &str) -> String {
+    let mut robot = robot(model);
+    let answers = [number::SYNC0, number::SYNC1, number::SYNC2].map(|step| say(&mut robot, Command::plain(step)));
+    Identity::decode(&packets(&answers[2])[0]).unwrap().subclass
+}
+
+#[test]
+fn robots_name_themselves_as_real_ones_do() {
+    let named = ["pioneer-1", "pioneer-at", "p2-dx", "p3-dx", "p3-at", "amigobot", "patrolbot"].map(subclass);
+    assert_eq!(named, ["pion1m", "pionat", "p2dx", "p3dx", "p3at", "amigo", "patrolbot-sh"]);
+}
+
+#[test]
+fn p2os_packets_have_the_tail_of_the_recorded_robot() {
+    let recorded = recording("raw-sync-while-open_mobilesim.s2c");
+    let recorded = packets(&recorded).iter().find_map(|data| Sip::decode(data).ok()).unwrap();
+    let mut robot = robot("p3-dx");
+    open(&mut robot);
+    let turning = Packet { turn_rad_s: -0.5, ..packet(1, 0.0) };
+    let tail = sip(&robot.tick(&turning)).tail;
+    assert_eq!(tail.len(), recorded.tail.len());
+    assert_eq!(u16::from_le_bytes([tail[5], tail[6]]), 126, "battery, 0.1 V");
+    assert_eq!(i16::from_le_bytes([tail[8], tail[9]]), -286, "turn rate, 0.1 deg/s");
+    assert_eq!(tail[7..8], recorded.tail[7..8], "charge state");
+    assert_eq!(tail[10..], recorded.tail[10..], "faults, sideways speed, temperature, state of charge");
+}
+
+#[test]
+fn psos_packets_end_after_five_bytes() {
+    let mut robot = robot("pioneer-1");
+    open(&mut robot);
+    assert_eq!(sip(&robot.tick(&packet(700, 0.0))).tail, [0x70, 0x11, 0, 0, 0], "70 s modulo 65.536 s");
+}
+
 #[test]
 fn sonars_can_be_switched_off_and_p2os_says_so() {
     let mut robot = robot("p3-dx");
