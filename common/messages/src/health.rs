@@ -5,7 +5,7 @@ use crate::service::{at_most, within};
 use crate::{Invalid, Text};
 
 /// Most input streams that a heartbeat tells of.
-pub const MAX_INPUTS: usize = 8;
+pub const MAX_INPUTS: usize = 24;
 /// Most named counters of a process.
 pub const MAX_COUNTERS: usize = 16;
 /// Most processes of a deployment.
@@ -236,7 +236,7 @@ impl DeploymentStatus {
 
 impl Heartbeat {
     pub(crate) fn check(&self) -> Result<(), Invalid> {
-        at_most("inputs_count", self.inputs_count, MAX_INPUTS, "at most 8")?;
+        at_most("inputs_count", self.inputs_count, MAX_INPUTS, "at most 24")?;
         at_most("counters_count", self.counters_count, MAX_COUNTERS, "at most 16")?;
         at_most("phase", self.phase, 2, "0 to 2")
     }

@@ -116,6 +116,9 @@ impl Service {
     }
 }
 
+/// A process may read every service, and its heartbeat counts for each of them.
+const _: () = assert!(SERVICES.len() <= crate::MAX_INPUTS);
+
 /// What a restart relies on, for every service that is played back.
 const _: () = {
     let mut at = 0;
@@ -305,7 +308,7 @@ services! {
     /// That the work loop of a process runs, with its counters.
     message Heartbeat {
         name: "health/heartbeat",
-        version: 2,
+        version: 3,
         qos: Qos::REPORTS,
         wakes: false,
         sequenced: false,
