@@ -33,7 +33,8 @@ pub(crate) fn none_running() -> String {
         true => "; there is shared memory of one with another STILLMAP_RUNTIME_DIR or XDG_RUNTIME_DIR".to_owned(),
         false => format!("; there is shared memory of one of user {}: only that user has access", user_name(owner)),
     });
-    std::iter::once(format!("no deployment of user {} is running", user_name(user))).chain(hints).collect()
+    let folder = RunningDomain::folder().map_or_else(|error| error.to_string(), |folder| folder.display().to_string());
+    std::iter::once(format!("no deployment of user {} is running in {folder}", user_name(user))).chain(hints).collect()
 }
 
 /// The name of a user, or else the number.

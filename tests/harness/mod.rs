@@ -20,6 +20,7 @@ use messages::{ProcessState, ProcessStatus};
 
 pub(crate) use deployment::Deployment;
 pub(crate) use map::{FREE, OCCUPIED, PgmMap};
+pub(crate) use observer::Observer;
 pub(crate) use run::{Ended, Run};
 pub(crate) use sandbox::Sandbox;
 

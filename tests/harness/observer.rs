@@ -6,8 +6,7 @@ use std::time::Duration;
 use bus::{Reader, Received, RunningDomain};
 use messages::DeploymentStatus;
 
-/// A reader of one deployment's status. It is a member of the domain, so it must not outlive the wait that it serves: a supervisor waits
-/// at its end until no member is left.
+/// A reader of one deployment's status.
 pub(crate) struct Observer {
     statuses: Reader<DeploymentStatus>,
     inputs: runtime::Observer,

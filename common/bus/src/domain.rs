@@ -6,16 +6,16 @@ use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 
 use messages::{Payload, Pictures, ServiceVisitor, visit_services};
-use rustix::fs::{FlockOperation, flock};
 
 use crate::clock::DeploymentClock;
+use crate::descriptors::close_on_exec;
 use crate::error::{BusError, DomainError};
 use crate::fabric::{Channel, Fabric};
-use crate::locks::{is_current, open_lock_file, take_lock, wait_until_deserted};
+use crate::locks::{is_current, is_free, open_lock_file, take_lock, wait_until_deserted};
 use crate::membership::Membership;
-use crate::memory::{FOR_A_DEPLOYMENT, check_free};
+use crate::memory::{FOR_THE_SERVICES, check_free, needed};
 use crate::paths::{DomainPaths, ignore_missing, make_private, names, runtime_dir, volatile_state};
-use crate::ports::Ports;
+use crate::ports::{Place, Ports};
 use crate::reader::Reader;
 use crate::writer::Writer;
 
@@ -70,11 +70,12 @@ impl Claim {
         remove_abandoned(&runtime, name);
         let paths = DomainPaths::new(&runtime, name);
         check_length(&paths.directory)?;
-        check_free(FOR_A_DEPLOYMENT)?;
         let lock = take_lock(&paths)?;
         wait_until_deserted(&paths)?;
         let clock = DeploymentClock::start(speed);
         paths.wipe().map_err(|source| DomainError::Io { path: paths.directory.clone(), source })?;
+        // Only now: what an earlier run left may be what fills it.
+        check_free(FOR_THE_SERVICES)?;
         Ok(Self { paths, lock, clock })
     }
 
@@ -145,8 +146,21 @@ impl Domain {
         visit_services(&mut creation)?;
         self.services = creation.services;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
-        self.ports = Some(Ports::new(fabric, self.run.number, None));
+        self.ports = Some(Ports::new(fabric, self.run.number, Place::Supervisor));
         Ok(())
+    }
+
+    /// Fails if shared memory has no room for a deployment of so many processes whose pictures have at most `picture_bytes` bytes.
+    ///
+    /// # Errors
+    /// The room, and what is needed.
+    pub fn check_memory(&self, processes: usize, picture_bytes: usize) -> Result<(), DomainError> {
+        check_free(needed(processes, picture_bytes))
+    }
+
+    /// Keeps what this process has open on the bus from the programs that it starts: iceoryx2 does not. To be called before each start.
+    pub fn close_on_exec(&self) {
+        close_on_exec();
     }
 
     /// The domain's folder.
@@ -290,11 +304,10 @@ fn remove_abandoned(runtime: &Path, except: &str) {
     for name in names(runtime) {
         let paths = DomainPaths::new(runtime, &name);
         let Ok(lock) = open_lock_file(&paths.lock) else { continue };
-        let free = |file: &File| flock(file, FlockOperation::NonBlockingLockExclusive).is_ok();
-        if name == except || !free(&lock) || !is_current(&lock, &paths.lock) {
+        if name == except || !is_free(&lock) || !is_current(&lock, &paths.lock) {
             continue;
         }
-        let deserted = open_lock_file(&paths.members).is_ok_and(|members| free(&members));
+        let deserted = open_lock_file(&paths.members).is_ok_and(|members| is_free(&members));
         if deserted && destroy(&paths).is_ok() {
             tracing::info!("removed what deployment {name} had left behind");
         }

@@ -7,6 +7,8 @@ use std::time::Duration;
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError};
 use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError, PublishSubscribeOpenError};
 
+use crate::descriptors::has_no_descriptor;
+
 /// Exit code of a process that found the domain itself broken: only wiping it helps.
 pub const EXIT_BROKEN_DOMAIN: u8 = 70;
 
@@ -37,6 +39,12 @@ pub enum BusError {
         /// What iceoryx2 says.
         detail: String,
     },
+    /// This process may open no more files, so that it cannot connect to another one.
+    #[error("{service}: no connection to another process: no file descriptor is left (ulimit -n)")]
+    NoDescriptor {
+        /// Name of the service.
+        service: String,
+    },
     /// Anything else that iceoryx2 refuses.
     #[error("{what} {service}: {detail}")]
     Refused {
@@ -51,7 +59,11 @@ pub enum BusError {
 
 impl BusError {
     pub(crate) fn refused(what: &'static str, service: impl Into<String>, detail: impl core::fmt::Debug) -> Self {
-        Self::Refused { what, service: service.into(), detail: format!("{detail:?}") }
+        let service = service.into();
+        if has_no_descriptor() {
+            return Self::NoDescriptor { service };
+        }
+        Self::Refused { what, service, detail: format!("{detail:?}") }
     }
 
     pub(crate) fn opening(service: &messages::Service, layout: u64, error: PublishSubscribeOpenError) -> Self {
@@ -83,8 +95,12 @@ impl BusError {
         Self::refused("cannot create the event of", service, error)
     }
 
-    /// A port that cannot be made because its places are taken by the dead, or because the service is damaged.
+    /// A port that cannot be made because its places are taken by the dead, because the service is damaged, or because no file
+    /// descriptor is left.
     pub(crate) fn broken(service: &'static str, detail: impl core::fmt::Debug) -> Self {
+        if has_no_descriptor() {
+            return Self::NoDescriptor { service: service.to_owned() };
+        }
         Self::BrokenDomain { service, detail: format!("{detail:?}") }
     }
 
@@ -137,12 +153,20 @@ pub enum DomainError {
         most: usize,
     },
     /// Too little shared memory.
-    #[error("/dev/shm has {free} bytes free, expected at least {needed}")]
+    #[error("/dev/shm has {free} bytes free, expected at least {needed}: mount it with a larger size= (docker run --shm-size)")]
     SharedMemory {
         /// Bytes free.
         free: u64,
         /// Bytes needed.
         needed: u64,
+    },
+    /// The file system locks no files.
+    #[error("{path}: cannot be locked: {source}: set STILLMAP_RUNTIME_DIR to a folder of a file system with locks")]
+    NoLocks {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
     },
     /// The file system refuses.
     #[error("{path}: {source}")]

@@ -50,7 +50,7 @@ impl Channel {
 
 /// A service that this process has open: its messages and, when sends wake readers, its event.
 pub(crate) struct Opened<D> {
-    service: Service,
+    pub(crate) service: Service,
     pub(crate) data: D,
     pub(crate) wake: Option<Wake>,
 }

@@ -11,6 +11,7 @@ use iceoryx2::sample::Sample;
 use messages::{FrameHeader, FrameLayout, Header, Pictures, PixelFormat};
 
 use crate::clock::DeploymentClock;
+use crate::connections::Connections;
 use crate::error::BusError;
 use crate::fabric::{Opened, PicturePubSub, listener};
 use crate::slot::FrameHeaderSlot;
@@ -20,9 +21,11 @@ use crate::stream::{Account, Admission, Received, Stream, checksum};
 pub struct FrameReader<P: Pictures> {
     subscriber: Subscriber<ipc::Service, [u8], FrameHeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
+    connections: Connections,
+    service: PicturePubSub,
     stream: Stream,
     refused: Option<RefusedFrame>,
-    service: PhantomData<P>,
+    pictures: PhantomData<P>,
 }
 
 /// A picture in shared memory, checked; it goes back to its sender when dropped.
@@ -45,10 +48,12 @@ pub struct RefusedFrame {
 }
 
 impl<P: Pictures> FrameReader<P> {
-    pub(crate) fn new(opened: &Opened<PicturePubSub>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
-        let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(P::SERVICE.name, error))?;
-        let stream = Stream::new(&P::SERVICE, run, clock);
-        Ok(Self { subscriber, listener: listener(opened)?, stream, refused: None, service: PhantomData })
+    pub(crate) fn new(opened: Opened<PicturePubSub>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
+        let connections = Connections::new(P::SERVICE.name);
+        let builder = opened.data.subscriber_builder().set_degradation_handler(connections.on_failure());
+        let subscriber = builder.create().map_err(|error| BusError::broken(P::SERVICE.name, error))?;
+        let (listener, stream) = (listener(&opened)?, Stream::new(&P::SERVICE, run, clock));
+        Ok(Self { subscriber, listener, connections, service: opened.data, stream, refused: None, pictures: PhantomData })
     }
 
     /// The next picture, if one waits.
@@ -58,6 +63,7 @@ impl<P: Pictures> FrameReader<P> {
     pub fn take(&mut self) -> Result<Option<Received<Frame<P>>>, BusError> {
         loop {
             let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", P::SERVICE.name, error))?;
+            self.connections.check(&self.service)?;
             let Some(sample) = received else { return Ok(None) };
             let FrameHeader { header, layout } = sample.user_header().0;
             let bytes = sample.payload();

@@ -8,6 +8,7 @@ use std::rc::Rc;
 use iceoryx2::prelude::AllocationStrategy;
 use messages::{FrameHeader, FrameLayout, Header, Kind, Pictures};
 
+use crate::connections::Connections;
 use crate::error::BusError;
 use crate::fabric::{Opened, PicturePubSub};
 use crate::outlet::{Outlet, Refresh};
@@ -24,14 +25,11 @@ pub struct FrameWriter<P: Pictures> {
 impl<P: Pictures> FrameWriter<P> {
     pub(crate) fn new(opened: Opened<PicturePubSub>, run: u64, sent: Rc<Cell<u64>>) -> Result<Self, BusError> {
         let name = P::SERVICE.name;
-        let publisher = opened
-            .data
-            .publisher_builder()
-            .initial_max_slice_len(P::MAX_BYTES)
-            .allocation_strategy(AllocationStrategy::Static)
-            .create()
-            .map_err(|error| BusError::broken(name, error))?;
-        Ok(Self { outlet: Rc::new(Outlet::new(name, publisher, opened.data, opened.wake, sent)?), run, service: PhantomData })
+        let connections = Connections::new(name);
+        let builder = opened.data.publisher_builder().set_degradation_handler(connections.on_failure());
+        let builder = builder.initial_max_slice_len(P::MAX_BYTES).allocation_strategy(AllocationStrategy::Static);
+        let publisher = builder.create().map_err(|error| BusError::broken(name, error))?;
+        Ok(Self { outlet: Rc::new(Outlet::new(connections, publisher, opened, sent)?), run, service: PhantomData })
     }
 
     /// Sends a picture that `fill` writes straight into shared memory: [`FrameLayout::bytes`] bytes, which hold some earlier
@@ -105,8 +103,7 @@ impl<P: Pictures> FrameWriter<P> {
         let crc32 = checksum(&FrameHeader { header, layout }, sample.payload());
         *sample.user_header_mut() = FrameHeaderSlot(FrameHeader { header: Header { crc32, ..header }, layout });
         sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
-        self.outlet.has_sent();
-        Ok(Ok(()))
+        self.outlet.has_sent().map(Ok)
     }
 }
 

@@ -9,6 +9,8 @@
 //! process that dies leaves nothing that stops the next.
 
 mod clock;
+mod connections;
+mod descriptors;
 mod domain;
 mod error;
 mod fabric;
@@ -31,6 +33,7 @@ mod wait;
 mod writer;
 
 pub use clock::DeploymentClock;
+pub use descriptors::needed_descriptors;
 pub use domain::{Claim, Domain, Run, sweep};
 pub use error::{BusError, DomainError, EXIT_BROKEN_DOMAIN};
 pub use frame_reader::{Frame, FrameReader, RefusedFrame};

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
 use crate::error::DomainError;
 use crate::paths::DomainPaths;
@@ -15,16 +16,49 @@ use crate::wait::wait_readable;
 /// How long a lock may be held by someone who only looks, or by processes that are about to be gone.
 const LOCK_PATIENCE: Duration = Duration::from_secs(5);
 
-/// Says that this process lives in the domain, as long as the file is held.
+/// Keeps a supervisor from removing the domain as long as the file is held.
 pub(crate) fn join_members(paths: &DomainPaths) -> Result<File, DomainError> {
-    let io = |source| DomainError::Io { path: paths.members.clone(), source };
-    // The folder of the bus is the last that a supervisor makes: a command that joined before would make it with other rights.
-    if !paths.root().is_dir() {
-        return Err(DomainError::NoDomain { name: paths.name.clone() });
-    }
-    let file = open_lock_file(&paths.members).map_err(io)?;
-    flock(&file, FlockOperation::LockShared).map_err(|error| io(error.into()))?;
+    check_exists(paths)?;
+    let file = open_lock_file(&paths.members).map_err(|source| DomainError::Io { path: paths.members.clone(), source })?;
+    flock(&file, FlockOperation::LockShared).map_err(|error| lock_error(&paths.members, error))?;
     Ok(file)
+}
+
+/// The folder of the bus is the last that a supervisor makes: a command that joined before would make it with other rights.
+fn check_exists(paths: &DomainPaths) -> Result<(), DomainError> {
+    if paths.root().is_dir() { Ok(()) } else { Err(DomainError::NoDomain { name: paths.name.clone() }) }
+}
+
+/// An observer's visit to a domain. Where the domain ends in the meantime, what the observer made since is removed with it.
+#[derive(Debug)]
+pub(crate) struct Visit(DomainPaths);
+
+impl Visit {
+    pub(crate) fn to(paths: &DomainPaths) -> Result<Self, DomainError> {
+        check_exists(paths)?;
+        Ok(Self(paths.clone()))
+    }
+}
+
+impl Drop for Visit {
+    fn drop(&mut self) {
+        let paths = &self.0;
+        // While a supervisor runs, and after it was killed, its lock is there. A supervisor that ends removes it last.
+        let is_left = paths.directory.exists() && !paths.lock.exists();
+        if is_left
+            && let Ok(lock) = open_lock_file(&paths.lock)
+            && is_free(&lock)
+            && is_current(&lock, &paths.lock)
+        {
+            let _ = paths.wipe();
+            let _ = std::fs::remove_file(&paths.lock);
+        }
+    }
+}
+
+/// Takes a lock that no process holds.
+pub(crate) fn is_free(file: &File) -> bool {
+    flock(file, FlockOperation::NonBlockingLockExclusive).is_ok()
 }
 
 pub(crate) fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
@@ -32,7 +66,7 @@ pub(crate) fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
     let started = Instant::now();
     loop {
         let mut lock = open_lock_file(&paths.lock).map_err(io)?;
-        let taken = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
+        let taken = is_taken(&lock, &paths.lock)?;
         if taken && is_current(&lock, &paths.lock) {
             return Ok(lock);
         }
@@ -46,11 +80,24 @@ pub(crate) fn take_lock(paths: &DomainPaths) -> Result<File, DomainError> {
     }
 }
 
+/// Tries to take a lock; fails where the file system has none.
+fn is_taken(file: &File, path: &Path) -> Result<bool, DomainError> {
+    match flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(true),
+        Err(Errno::WOULDBLOCK | Errno::INTR) => Ok(false),
+        Err(error) => Err(lock_error(path, error)),
+    }
+}
+
+fn lock_error(path: &Path, error: Errno) -> DomainError {
+    DomainError::NoLocks { path: path.to_owned(), source: error.into() }
+}
+
 pub(crate) fn wait_until_deserted(paths: &DomainPaths) -> Result<File, DomainError> {
     let io = |source| DomainError::Io { path: paths.members.clone(), source };
     let members = open_lock_file(&paths.members).map_err(io)?;
     let started = Instant::now();
-    while flock(&members, FlockOperation::NonBlockingLockExclusive).is_err() {
+    while !is_taken(&members, &paths.members)? {
         if started.elapsed() > LOCK_PATIENCE {
             return Err(DomainError::StillInhabited { name: paths.name.clone(), waited: LOCK_PATIENCE });
         }

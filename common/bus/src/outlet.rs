@@ -10,8 +10,9 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{IceoryxSend, PortFactory, ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe;
 
+use crate::connections::Connections;
 use crate::error::BusError;
-use crate::fabric::Wake;
+use crate::fabric::Opened;
 
 /// Lets readers that joined since the last send have the history.
 pub(crate) trait Refresh {
@@ -23,6 +24,7 @@ pub(crate) struct Outlet<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + Z
     pub(crate) publisher: Publisher<ipc::Service, P, H>,
     notifier: Option<Notifier<ipc::Service>>,
     service: publish_subscribe::PortFactory<ipc::Service, P, H>,
+    connections: Connections,
     name: &'static str,
     sent: Rc<Cell<u64>>,
     readers: Cell<usize>,
@@ -38,27 +40,28 @@ impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Refresh for Outle
 
 impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Outlet<P, H> {
     pub(crate) fn new(
-        name: &'static str,
+        connections: Connections,
         publisher: Publisher<ipc::Service, P, H>,
-        service: publish_subscribe::PortFactory<ipc::Service, P, H>,
-        wake: Option<Wake>,
+        opened: Opened<publish_subscribe::PortFactory<ipc::Service, P, H>>,
         sent: Rc<Cell<u64>>,
     ) -> Result<Self, BusError> {
-        let notifier = match wake {
+        let name = opened.service.name;
+        let notifier = match opened.wake {
             Some(wake) => Some(wake.notifier_builder().create().map_err(|error| BusError::broken(name, error))?),
             None => None,
         };
-        Ok(Self { publisher, notifier, service, name, sent, readers: Cell::new(0) })
+        Ok(Self { publisher, notifier, service: opened.data, connections, name, sent, readers: Cell::new(0) })
     }
 
-    /// To be called after each send: wakes the readers and counts.
-    pub(crate) fn has_sent(&self) {
+    /// To be called after each send: wakes the readers and counts. Fails if a reader is without a connection.
+    pub(crate) fn has_sent(&self) -> Result<(), BusError> {
         if let Some(notifier) = &self.notifier
             && let Err(error) = notifier.notify()
         {
             tracing::debug!("a reader of {} was not woken: {error:?}", self.name);
         }
         self.sent.set(self.sent.get() + 1);
+        self.connections.check(&self.service)
     }
 
     /// How many readers there are.

@@ -13,13 +13,13 @@ use messages::{InputCounters, Payload, Pictures};
 
 use crate::clock::DeploymentClock;
 use crate::error::{BusError, DomainError};
-use crate::fabric::{Channel, Fabric, Opened};
+use crate::fabric::{Channel, Fabric};
 use crate::frame_reader::FrameReader;
 use crate::frame_writer::FrameWriter;
-use crate::locks::join_members;
+use crate::locks::{Visit, join_members};
 use crate::membership::Membership;
-use crate::memory::{FOR_A_VISITOR, check_free};
-use crate::outlet::{Outlet, Refresh};
+use crate::memory::{FOR_AN_OBSERVER, check_free};
+use crate::outlet::Refresh;
 use crate::paths::DomainPaths;
 use crate::raw::{Injection, Tap};
 use crate::reader::Reader;
@@ -44,8 +44,18 @@ pub struct Ports {
     writers: Vec<Rc<dyn Refresh>>,
     inputs: Vec<Rc<RefCell<Account>>>,
     sent: Rc<Cell<u64>>,
-    /// The share of the lock of the domain's processes; None for its supervisor, which holds the other one.
-    _member: Option<File>,
+    /// Dropped last: until then something of this process is on the bus.
+    _place: Place,
+}
+
+/// What a process has in a domain.
+pub(crate) enum Place {
+    /// The whole of it: its supervisor.
+    Supervisor,
+    /// A share of the lock that a supervisor waits for.
+    Process { _share: File },
+    /// None: neither an observer that stays nor one that is stopped delays the end of a run.
+    Observer { _visit: Visit },
 }
 
 impl Ports {
@@ -56,9 +66,9 @@ impl Ports {
     pub fn join(membership: &Membership) -> Result<Self, DomainError> {
         let paths = DomainPaths::of_directory(membership.directory())
             .ok_or_else(|| DomainError::NoDomain { name: membership.directory().display().to_string() })?;
-        let member = join_members(&paths)?;
+        let place = Place::Process { _share: join_members(&paths)? };
         let fabric = Fabric::join(&paths, membership.process())?;
-        let ports = Self::new(fabric, membership.run(), Some(member));
+        let ports = Self::new(fabric, membership.run(), place);
         Ok(Self { clock: Some(membership.clock()), routed: membership.routed.clone(), ..ports })
     }
 
@@ -67,14 +77,14 @@ impl Ports {
     /// # Errors
     /// When it has just ended, is of another version, or shared memory is used up.
     pub fn observe(domain: &RunningDomain) -> Result<Self, DomainError> {
-        check_free(FOR_A_VISITOR)?;
-        let member = join_members(domain.paths())?;
-        Ok(Self::new(Fabric::join(domain.paths(), "tool")?, domain.run(), Some(member)))
+        check_free(FOR_AN_OBSERVER)?;
+        let place = Place::Observer { _visit: Visit::to(domain.paths())? };
+        Ok(Self::new(Fabric::join(domain.paths(), "tool")?, domain.run(), place))
     }
 
-    pub(crate) fn new(fabric: Fabric, run: u64, member: Option<File>) -> Self {
+    pub(crate) fn new(fabric: Fabric, run: u64, place: Place) -> Self {
         let (listeners, writers, inputs) = (Vec::new(), Vec::new(), Vec::new());
-        Self { fabric, run, clock: None, routed: Vec::new(), listeners, writers, inputs, sent: Rc::default(), _member: member }
+        Self { fabric, run, clock: None, routed: Vec::new(), listeners, writers, inputs, sent: Rc::default(), _place: place }
     }
 
     /// Opens an input: its messages wake the process, and it has a place among the counters of inputs.
@@ -82,7 +92,7 @@ impl Ports {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.run, self.clock)?;
+        let reader = Reader::new(self.fabric.open(Channel::Open)?, self.run, self.clock)?;
         self.listeners.extend(reader.listener());
         self.inputs.push(reader.account());
         Ok(reader)
@@ -93,7 +103,7 @@ impl Ports {
     /// # Errors
     /// As [`Ports::reader`].
     pub fn uncounted_reader<T: Payload>(&mut self) -> Result<Reader<T>, BusError> {
-        let reader = Reader::new(&self.fabric.open(Channel::Open)?, self.run, None)?;
+        let reader = Reader::new(self.fabric.open(Channel::Open)?, self.run, None)?;
         self.listeners.extend(reader.listener());
         Ok(reader)
     }
@@ -125,7 +135,7 @@ impl Ports {
     /// # Errors
     /// When the service is not routed in this deployment, or cannot be used.
     pub fn tap<T: Payload>(&mut self) -> Result<Tap<T>, BusError> {
-        let tap = Tap::new(&self.fabric.open(Channel::Tapped)?)?;
+        let tap = Tap::new(self.fabric.open(Channel::Tapped)?)?;
         self.listeners.extend(tap.listener());
         Ok(tap)
     }
@@ -135,9 +145,7 @@ impl Ports {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn injection<T: Payload>(&mut self) -> Result<Injection<T>, BusError> {
-        let Opened { data, wake, .. } = self.fabric.open::<T>(Channel::Open)?;
-        let publisher = data.publisher_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        let injection = Injection::new(Outlet::new(T::SERVICE.name, publisher, data, wake, self.sent.clone())?);
+        let injection = Injection::new(self.fabric.open(Channel::Open)?, self.sent.clone())?;
         self.writers.push(injection.refresh());
         Ok(injection)
     }
@@ -147,7 +155,7 @@ impl Ports {
     /// # Errors
     /// When the service does not exist or cannot be used.
     pub fn frame_reader<P: Pictures>(&mut self) -> Result<FrameReader<P>, BusError> {
-        let reader = FrameReader::new(&self.fabric.open_pictures::<P>()?, self.run, self.clock)?;
+        let reader = FrameReader::new(self.fabric.open_pictures::<P>()?, self.run, self.clock)?;
         self.listeners.extend(reader.listener());
         self.inputs.push(reader.account());
         Ok(reader)

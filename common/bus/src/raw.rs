@@ -1,5 +1,6 @@
 //! Messages as they are in shared memory, unchecked: what stands between a publisher and its readers takes and gives them.
 
+use std::cell::Cell;
 use std::rc::Rc;
 
 use iceoryx2::port::listener::Listener;
@@ -7,6 +8,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use messages::{Header, Kind, Payload};
 
+use crate::connections::Connections;
 use crate::error::BusError;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::outlet::{Outlet, Refresh};
@@ -24,6 +26,8 @@ pub struct Raw<T: Payload> {
 pub struct Tap<T: Payload> {
     subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
+    connections: Connections,
+    service: PubSub<T>,
 }
 
 /// Gives messages to the readers of a service as if their publisher had.
@@ -79,9 +83,11 @@ impl<T: Payload> Raw<T> {
 }
 
 impl<T: Payload> Tap<T> {
-    pub(crate) fn new(opened: &Opened<PubSub<T>>) -> Result<Self, BusError> {
-        let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        Ok(Self { subscriber, listener: listener(opened)? })
+    pub(crate) fn new(opened: Opened<PubSub<T>>) -> Result<Self, BusError> {
+        let connections = Connections::new(T::SERVICE.name);
+        let builder = opened.data.subscriber_builder().set_degradation_handler(connections.on_failure());
+        let subscriber = builder.create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+        Ok(Self { subscriber, listener: listener(&opened)?, connections, service: opened.data })
     }
 
     /// The next message, if one waits.
@@ -90,6 +96,7 @@ impl<T: Payload> Tap<T> {
     /// When the connection to a sender cannot be made.
     pub fn take(&self) -> Result<Option<Raw<T>>, BusError> {
         let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", T::SERVICE.name, error))?;
+        self.connections.check(&self.service)?;
         Ok(received.map(|sample| Raw { header: sample.user_header().0, payload: sample.payload().0 }))
     }
 
@@ -99,8 +106,11 @@ impl<T: Payload> Tap<T> {
 }
 
 impl<T: Payload> Injection<T> {
-    pub(crate) fn new(outlet: Outlet<Slot<T>, HeaderSlot>) -> Self {
-        Self { outlet: Rc::new(outlet) }
+    pub(crate) fn new(opened: Opened<PubSub<T>>, sent: Rc<Cell<u64>>) -> Result<Self, BusError> {
+        let connections = Connections::new(T::SERVICE.name);
+        let builder = opened.data.publisher_builder().set_degradation_handler(connections.on_failure());
+        let publisher = builder.create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+        Ok(Self { outlet: Rc::new(Outlet::new(connections, publisher, opened, sent)?) })
     }
 
     /// Sends a message as it is.
@@ -113,8 +123,7 @@ impl<T: Payload> Injection<T> {
         let mut sample = sample.write_payload(Slot(message.payload));
         *sample.user_header_mut() = HeaderSlot(message.header);
         sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
-        self.outlet.has_sent();
-        Ok(())
+        self.outlet.has_sent()
     }
 
     pub(crate) fn refresh(&self) -> Rc<dyn Refresh> {

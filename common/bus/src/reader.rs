@@ -11,6 +11,7 @@ use iceoryx2::sample::Sample;
 use messages::{Header, Payload};
 
 use crate::clock::DeploymentClock;
+use crate::connections::Connections;
 use crate::error::BusError;
 use crate::fabric::{Opened, PubSub, listener};
 use crate::slot::{HeaderSlot, Slot};
@@ -23,6 +24,8 @@ use crate::stream::{Account, Admission, Received, Stream, checksum};
 pub struct Reader<T: Payload> {
     subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
+    connections: Connections,
+    service: PubSub<T>,
     stream: Stream,
 }
 
@@ -33,9 +36,12 @@ pub struct Message<T: Payload> {
 }
 
 impl<T: Payload> Reader<T> {
-    pub(crate) fn new(opened: &Opened<PubSub<T>>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
-        let subscriber = opened.data.subscriber_builder().create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
-        Ok(Self { subscriber, listener: listener(opened)?, stream: Stream::new(&T::SERVICE, run, clock) })
+    pub(crate) fn new(opened: Opened<PubSub<T>>, run: u64, clock: Option<DeploymentClock>) -> Result<Self, BusError> {
+        let connections = Connections::new(T::SERVICE.name);
+        let builder = opened.data.subscriber_builder().set_degradation_handler(connections.on_failure());
+        let subscriber = builder.create().map_err(|error| BusError::broken(T::SERVICE.name, error))?;
+        let (listener, stream) = (listener(&opened)?, Stream::new(&T::SERVICE, run, clock));
+        Ok(Self { subscriber, listener, connections, service: opened.data, stream })
     }
 
     /// The next message, if one waits.
@@ -45,6 +51,7 @@ impl<T: Payload> Reader<T> {
     pub fn take(&mut self) -> Result<Option<Received<Message<T>>>, BusError> {
         loop {
             let received = self.subscriber.receive().map_err(|error| BusError::refused("cannot receive from", T::SERVICE.name, error))?;
+            self.connections.check(&self.service)?;
             let Some(sample) = received else { return Ok(None) };
             let (header, payload) = (sample.user_header().0, &sample.payload().0);
             let found = || checksum(&Header { crc32: 0, ..header }, bytemuck::bytes_of(payload));

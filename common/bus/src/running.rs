@@ -2,9 +2,10 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
 use crate::error::DomainError;
 use crate::paths::{DomainPaths, names, runtime_dir};
@@ -23,8 +24,15 @@ impl RunningDomain {
     /// # Errors
     /// When the runtime folder cannot be read.
     pub fn all() -> Result<Vec<Self>, DomainError> {
-        let runtime = runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })?;
-        Ok(Self::all_in(&runtime))
+        Ok(Self::all_in(&Self::folder()?))
+    }
+
+    /// The folder in which the deployments of this user are looked for.
+    ///
+    /// # Errors
+    /// When it cannot be made, or is another user's.
+    pub fn folder() -> Result<PathBuf, DomainError> {
+        runtime_dir().map_err(|source| DomainError::Io { path: "the runtime folder".into(), source })
     }
 
     /// Every deployment that runs in a runtime folder, by name.
@@ -63,7 +71,8 @@ impl RunningDomain {
 
     fn look(paths: &DomainPaths) -> Option<Self> {
         let mut file = File::open(&paths.lock).ok()?;
-        if flock(&file, FlockOperation::NonBlockingLockShared).is_ok() {
+        // Any other error than that the lock is held is one of the file system.
+        if flock(&file, FlockOperation::NonBlockingLockShared) != Err(Errno::WOULDBLOCK) {
             return None;
         }
         let mut text = String::new();

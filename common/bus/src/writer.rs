@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use messages::{Header, Kind, Payload};
 
+use crate::connections::Connections;
 use crate::error::BusError;
 use crate::fabric::{Opened, PubSub};
 use crate::outlet::{Outlet, Refresh};
@@ -20,8 +21,10 @@ pub struct Writer<T: Payload> {
 impl<T: Payload> Writer<T> {
     pub(crate) fn new(opened: Opened<PubSub<T>>, run: u64, sent: Rc<Cell<u64>>) -> Result<Self, BusError> {
         let name = T::SERVICE.name;
-        let publisher = opened.data.publisher_builder().create().map_err(|error| BusError::broken(name, error))?;
-        Ok(Self { outlet: Rc::new(Outlet::new(name, publisher, opened.data, opened.wake, sent)?), run })
+        let connections = Connections::new(name);
+        let builder = opened.data.publisher_builder().set_degradation_handler(connections.on_failure());
+        let publisher = builder.create().map_err(|error| BusError::broken(name, error))?;
+        Ok(Self { outlet: Rc::new(Outlet::new(connections, publisher, opened, sent)?), run })
     }
 
     /// Sends a copy of `payload`.
@@ -69,7 +72,6 @@ impl<T: Payload> Writer<T> {
         #[expect(unsafe_code, reason = "filled in place, so that large payloads are not copied over the stack")]
         let sample = unsafe { sample.assume_init() };
         sample.send().map_err(|error| BusError::refused("cannot send on", name, error))?;
-        self.outlet.has_sent();
-        Ok(())
+        self.outlet.has_sent()
     }
 }
