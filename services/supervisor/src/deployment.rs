@@ -161,6 +161,7 @@ impl Deployment {
             _ => None,
         };
         let cause = if hung { it.cause.clone() } else { exit.to_string() };
+        let repeats = it.repeats(&exit);
         self.disturb(now);
         match (exit, asked) {
             (Exit::Finished, _) => self.finish(process, actions),
@@ -175,6 +176,9 @@ impl Deployment {
             (Exit::Signal(_), Some(false)) if matches!(self.phase, Phase::Draining { .. }) => self.back_off(process, cause, now, actions),
             (_, Some(false)) => self.fail(process, cause, actions),
             (Exit::BrokenDomain, None) if self.phase == Phase::Running => self.begin_rebuild(process, now, actions),
+            (_, None) if repeats => {
+                self.fail(process, format!("{cause}; the same error twice at the same place, not started again"), actions);
+            }
             (_, None) => self.back_off(process, cause, now, actions),
         }
     }

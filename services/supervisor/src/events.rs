@@ -6,11 +6,11 @@ use std::time::Duration;
 /// What the supervisor learns.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Event {
-    /// A process gave a sign of life; `work` is the number of messages it has taken from numbered streams.
+    /// A process gave a sign of life; `work` is how far it has come in its numbered inputs.
     Heartbeat {
         /// Its place in the start order.
         process: usize,
-        /// Messages taken from numbered streams.
+        /// The last numbers that it has taken, added up.
         work: u64,
         /// It has said all it has to say.
         ending: bool,

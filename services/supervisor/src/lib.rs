@@ -20,6 +20,7 @@ mod held;
 mod kernel;
 mod leftovers;
 mod lifecycle;
+mod limits;
 mod lines;
 mod notices;
 mod outcome;

@@ -37,6 +37,13 @@ pub enum Exit {
     BrokenDomain,
     /// With another exit code.
     Code(i32),
+    /// With another exit code, after a line that says why.
+    Error {
+        /// The exit code.
+        code: i32,
+        /// Its last error.
+        message: String,
+    },
     /// By a signal.
     Signal(i32),
     /// It could not be started; the system's words.
@@ -50,6 +57,7 @@ impl std::fmt::Display for Exit {
             Self::BadInput => write!(f, "refused its input"),
             Self::BrokenDomain => write!(f, "found the shared memory broken"),
             Self::Code(code) => write!(f, "ended with exit code {code}"),
+            Self::Error { code, message } => write!(f, "ended with exit code {code}: {message}"),
             // What is mapped and cannot be had: all but always shared memory that is used up.
             Self::Signal(7) => write!(f, "was killed by signal 7 (bus error), as whoever writes when /dev/shm is full"),
             Self::Signal(1) => write!(f, "was told to stop (SIGHUP), not by the supervisor"),
@@ -104,15 +112,17 @@ pub struct Lifecycle {
     pub(crate) restarts: Restarts,
     /// Children started so far.
     pub(crate) starts: u32,
-    /// Messages that its last heartbeat told of.
+    /// How far it has come in its numbered inputs, by its last heartbeat.
     pub(crate) work: u64,
+    /// The error that its last child ended with, and how far that had come.
+    pub(crate) last_error: Option<(Exit, u64)>,
     /// Why it is down or was killed.
     pub(crate) cause: String,
 }
 
 impl Lifecycle {
     pub(crate) fn new(plan: Plan, seed: u64) -> Self {
-        Self { plan, state: State::Waiting, restarts: Restarts::new(seed), starts: 0, work: 0, cause: String::new() }
+        Self { plan, state: State::Waiting, restarts: Restarts::new(seed), starts: 0, work: 0, last_error: None, cause: String::new() }
     }
 
     /// Whether a child of it runs.
@@ -174,6 +184,20 @@ impl Lifecycle {
             State::Backoff { until } => Some(until),
             State::Waiting | State::Killed | State::Finished | State::Failed => None,
         }
+    }
+
+    /// Notes how a child ended; whether it is the same error at the same place as that of the child before. What a kill, a stop or a
+    /// hang interrupted may succeed the next time. So may a source without numbered inputs: its device may be back.
+    pub(crate) fn repeats(&mut self, exit: &Exit) -> bool {
+        let is_error = match exit {
+            Exit::NotStarted(_) => true,
+            Exit::Error { .. } => self.plan.role == Role::Consumer,
+            _ => false,
+        };
+        let error = is_error.then(|| (exit.clone(), self.work));
+        let repeats = error.is_some() && error == self.last_error;
+        self.last_error = error;
+        repeats
     }
 
     /// Why a child of it has to be killed now, if so.

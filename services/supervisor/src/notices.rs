@@ -25,16 +25,16 @@ impl Log {
     }
 
     /// Passes on a line that a process wrote.
-    pub(crate) fn pass_on(&mut self, process: &str, line: &str) -> Result<(), BusError> {
-        let Line { level, text } = Line::read(line);
-        match level {
+    pub(crate) fn pass_on(&mut self, process: &str, line: &Line) -> Result<(), BusError> {
+        let Line { level, text } = line;
+        match *level {
             Level::ERROR => tracing::error!(target: CHILD_TARGET, process, "{text}"),
             Level::WARN => tracing::warn!(target: CHILD_TARGET, process, "{text}"),
             Level::INFO => tracing::info!(target: CHILD_TARGET, process, "{text}"),
             Level::DEBUG => tracing::debug!(target: CHILD_TARGET, process, "{text}"),
             Level::TRACE => tracing::trace!(target: CHILD_TARGET, process, "{text}"),
         }
-        self.publish(process, &Line { level, text })
+        self.publish(process, line)
     }
 
     /// Tells what the supervisor does.

@@ -8,6 +8,8 @@ use crate::held::hold;
 use crate::kernel::check_kernel;
 use crate::leftovers::{self, Origin};
 use crate::lifecycle::{Exit, State};
+use crate::limits::raise_open_files;
+use crate::lines::Line;
 use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
 use crate::patience::{KernelTime, LookClock};
@@ -32,6 +34,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+use tracing::Level;
 
 /// How often heartbeats are looked at; they wake nobody.
 const LOOK: Duration = Duration::from_millis(100);
@@ -39,6 +42,9 @@ const LOOK: Duration = Duration::from_millis(100);
 const LOOK_AT_START: Duration = Duration::from_millis(10);
 /// How often the status is published when nothing changes, and rates are measured.
 const SAMPLE: Duration = Duration::from_secs(1);
+
+/// Bytes of a simulated picture.
+const SIMULATED_PICTURE: usize = 160 * 120;
 
 /// Has the recorder's large pieces of memory live apart, each for itself (glibc, see mallopt(3)). Chunks of a megabyte come and go
 /// there among what stays; from a common heap they leave holes that nothing fills, 1.7 MB in an hour of driving.
@@ -77,6 +83,8 @@ struct Supervisor<'a> {
     guard_checked: Duration,
     deployment: Deployment,
     children: Vec<Option<Child>>,
+    /// The last error that each of them has logged.
+    errors: Vec<Option<String>>,
     vitals: Vec<Vitals>,
     units: MachineUnits,
     sampled: Duration,
@@ -92,12 +100,20 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(domain: &mut Domain, text: &str) -> Result<Self, RunError> {
+    fn new(domain: &mut Domain, settings: &Settings, text: &str) -> Result<Self, RunError> {
+        domain.check_memory(settings.process.len(), largest_picture(settings))?;
         let settings_path = domain.directory().join("settings.toml");
         write_settings(&settings_path, text)?;
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
         Ok(Self { ports: Ports::open(domain, clock)?, settings_path, clock })
     }
+}
+
+/// Bytes of the largest pictures: those of the camera as its settings have them, in colour, or else those that a simulation makes, in
+/// grey.
+fn largest_picture(settings: &Settings) -> usize {
+    let pixels = settings.camera.width.get() as usize * settings.camera.height.get() as usize;
+    if settings.runs(BuiltIn::Camera) { 3 * pixels } else { SIMULATED_PICTURE }
 }
 
 /// What the domain's folder holds for the processes; written again when the domain is made anew.
@@ -109,6 +125,7 @@ impl<'a> Supervisor<'a> {
     fn start(settings: &'a Settings, options: &'a Options) -> Result<Self, RunError> {
         let text = settings.to_toml()?;
         check_kernel()?;
+        raise_open_files(settings.process.len())?;
         // Before anything that another deployment may be using is touched.
         let out = hold(&settings.out).map_err(|error| already_running(settings, error))?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
@@ -116,7 +133,7 @@ impl<'a> Supervisor<'a> {
         let made_with = what_the_map_depends_on(settings)?;
         let persisted = options.state.as_deref().map(|folder| PersistedState { folder, made_with: &made_with, fresh: options.fresh });
         let (state, mut domain) = RunState::open(settings.name.as_str(), options.speed, &routed, persisted)?;
-        let prepared = Prepared::new(&mut domain, &text);
+        let prepared = Prepared::new(&mut domain, settings, &text);
         let Prepared { settings_path, clock, ports } = match prepared {
             Ok(prepared) => prepared,
             Err(error) => {
@@ -144,6 +161,7 @@ impl<'a> Supervisor<'a> {
             ports: Some(ports),
             _out: out,
             children: std::iter::repeat_with(|| None).take(count).collect(),
+            errors: vec![None; count],
             vitals: vec![Vitals::default(); count],
             units: MachineUnits { ticks_per_s: rustix::param::clock_ticks_per_second(), page_bytes: rustix::param::page_size() as u64 },
             sampled: Duration::ZERO,
@@ -192,7 +210,7 @@ impl<'a> Supervisor<'a> {
         let closed = match self.domain.close() {
             // What has been done is done; the next start removes what is left.
             Err(error @ DomainError::StillInhabited { .. }) => {
-                tracing::warn!("{error}: a command that looks on and was stopped? What is left goes with the next start");
+                tracing::warn!("{error}; what is left is removed by the next start");
                 Ok(())
             }
             closed => closed,
@@ -230,6 +248,7 @@ impl<'a> Supervisor<'a> {
             Action::Spawn { process, incarnation } => match self.spawn(process, incarnation) {
                 Ok(child) => {
                     self.vitals[process].begin(self.looks.now());
+                    self.errors[process] = None;
                     self.guard.iter_mut().for_each(|guard| guard.take(child.pid()));
                     self.children[process] = Some(child);
                 }
@@ -281,6 +300,7 @@ impl<'a> Supervisor<'a> {
             }
         };
         command.envs(self.domain.membership_for(it.name.as_str(), incarnation, &self.settings_path).environment());
+        self.domain.close_on_exec();
         Child::start(command, self.guard.as_ref().and_then(Guard::pipe))
     }
 
@@ -383,9 +403,19 @@ impl<'a> Supervisor<'a> {
                 exit = Some(child.bury(origin, |line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
             }
             if let Some(ports) = &mut self.ports {
-                lines.iter().try_for_each(|line| ports.log.pass_on(name, line))?;
+                for line in &lines {
+                    let line = Line::read(line);
+                    ports.log.pass_on(name, &line)?;
+                    if line.level == Level::ERROR {
+                        self.errors[process] = Some(line.text);
+                    }
+                }
             }
             if let Some(exit) = exit {
+                let exit = match (exit, self.errors[process].take()) {
+                    (Exit::Code(code), Some(message)) => Exit::Error { code, message },
+                    (exit, _) => exit,
+                };
                 self.children[process] = None;
                 self.vitals[process].end();
                 self.domain.remove_dead_nodes();
@@ -455,6 +485,7 @@ impl<'a> Supervisor<'a> {
         }
         self.guard_checked = now + SAMPLE;
         if self.guard.as_mut().is_none_or(|guard| !guard.is_alive()) {
+            self.domain.close_on_exec();
             match Guard::start(&self.options.executable, self.domain.directory()) {
                 Ok(mut guard) => {
                     self.children.iter().flatten().for_each(|child| guard.take(child.pid()));

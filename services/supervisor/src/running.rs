@@ -52,6 +52,16 @@ pub enum RunError {
         /// What the system says.
         source: io::Error,
     },
+    /// A process may not open as many files as it needs.
+    #[error(
+        "a process may open {limit} files (ulimit -n), expected at least {needed}: raise the hard limit (ulimit -Hn, LimitNOFILE=, docker run --ulimit nofile=)"
+    )]
+    OpenFiles {
+        /// The limit that cannot be raised.
+        limit: u64,
+        /// What the deployment needs.
+        needed: u64,
+    },
     /// The supervisor's own use of the bus failed.
     #[error("{0}")]
     Bus(#[from] BusError),

@@ -74,10 +74,11 @@ impl Vitals {
         self.mark = mark;
     }
 
-    /// Messages that the present child has taken from streams that end. Everything else may be said for ever, although nothing moves.
+    /// How far the present child has come in streams that end: their last numbers, added up. Everything else may be published for
+    /// ever, although nothing moves.
     pub(crate) fn work(&self) -> u64 {
         let is_sequenced = |name: &str| Service::named(name).is_some_and(|service| service.sequenced);
-        self.inputs().filter(|input| is_sequenced(input.service.as_str())).map(|input| input.received).sum()
+        self.inputs().filter(|input| is_sequenced(input.service.as_str())).map(|input| input.last_seq).sum()
     }
 
     /// The process as the supervisor tells of it; `pid` 0 when no child runs.
@@ -158,7 +159,8 @@ mod tests {
     fn heartbeat(received: u64, sent: u64) -> Heartbeat {
         let mut it = Heartbeat { sent, inputs_count: 2, note: Text::new("searching"), ..Heartbeat::default() };
         it.inputs[0] = InputCounters { received, lost: 3, latency_median_us: 200, latency_p99_us: 900, ..InputCounters::default() };
-        it.inputs[1] = InputCounters { service: Text::new("map/verdict"), received: 1, refused: 2, ..InputCounters::default() };
+        it.inputs[1] =
+            InputCounters { service: Text::new("map/verdict"), received: 1, last_seq: 1, refused: 2, ..InputCounters::default() };
         it.inputs[2] = InputCounters { received: 999, ..InputCounters::default() };
         it
     }
@@ -210,7 +212,7 @@ mod tests {
         (idle.inputs[0].received, idle.sent) = (20, 10);
         vitals.hear(&idle, Duration::from_secs(2));
         assert_eq!(vitals.work(), 1);
-        idle.inputs[1].received = 2;
+        idle.inputs[1].last_seq = 2;
         vitals.hear(&idle, Duration::from_secs(3));
         assert_eq!(vitals.work(), 2);
     }

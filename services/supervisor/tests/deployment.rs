@@ -360,6 +360,34 @@ fn a_broken_domain_is_rebuilt_once_nothing_lives_in_it() {
 }
 
 #[test]
+fn an_error_that_repeats_at_the_same_place_is_not_retried() {
+    let error = |message: &str| Exit::Error { code: 1, message: message.to_owned() };
+    let missing = || Exit::NotStarted("no such file".to_owned());
+    for (process, exits, restarts) in [
+        (1, vec![(7, error("pose")), (7, error("pose"))], 1),
+        (1, vec![(7, error("pose")), (8, error("pose")), (8, error("port"))], 3),
+        (1, vec![(7, error("pose")), (7, Exit::Signal(9)), (7, error("pose"))], 3),
+        (1, vec![(7, Exit::Code(1)), (7, Exit::Code(1)), (7, Exit::Code(1))], 3),
+        (2, vec![(0, error("no device")), (0, error("no device")), (0, error("no device"))], 3),
+        (2, vec![(0, missing()), (0, missing())], 1),
+    ] {
+        let mut it = running_demo();
+        let mut now = ms(100);
+        for (work, exit) in exits.clone() {
+            it.step(heartbeat(process, work), now);
+            it.step(exited(process, exit), now);
+            now += ms(1000);
+            it.step(Event::Tick, now);
+        }
+        let found = &it.processes()[process];
+        let cause = found.cause();
+        assert_eq!(found.restarted(), restarts, "{exits:?}: {cause}");
+        assert_eq!(found.state() == &State::Failed, restarts == 1, "{exits:?}: {cause}");
+        assert_eq!(cause.contains("twice at the same place"), restarts == 1, "{exits:?}: {cause}");
+    }
+}
+
+#[test]
 fn the_exit_of_a_child_that_is_not_there_is_nothing() {
     let mut it = running_demo();
     it.step(exited(0, Exit::Finished), ms(100));
@@ -391,6 +419,7 @@ fn exit() -> impl Strategy<Value = Exit> {
     prop_oneof![
         4 => Just(Exit::Signal(9)),
         3 => Just(Exit::Code(1)),
+        1 => Just(Exit::Error { code: 1, message: "no such place".to_owned() }),
         1 => Just(Exit::Finished),
         1 => Just(Exit::BrokenDomain),
         1 => Just(Exit::NotStarted("no such file".to_owned())),

@@ -189,11 +189,11 @@ fn a_child_that_is_asked_twice_ends_in_order() {
 }
 
 fn a_program_that_is_not_there_fails() {
-    let text = settings(&["counts"]) + "[[process]]\nname = \"nothing\"\ncommand = [\"/nowhere/at/all\"]\n";
-    let (outcome, _) = supervise_text(&text.replace("restarts = 3", "restarts = 0"));
+    let text = settings(&["counts-slowly"]) + "[[process]]\nname = \"nothing\"\ncommand = [\"/nowhere/at/all\"]\n";
+    let (outcome, _) = supervise_text(&text);
     let (name, cause) = outcome.failures().next().unwrap();
-    assert_eq!(name, "nothing");
-    assert!(cause.starts_with("could not be started: "), "{cause}");
+    assert_eq!((name, restarts(&outcome, "nothing")), ("nothing", 1));
+    assert!(cause.starts_with("could not be started: ") && cause.contains("not started again"), "{cause}");
 }
 
 fn a_flood_of_words_stops_nobody() {
