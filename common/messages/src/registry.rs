@@ -289,7 +289,7 @@ services! {
         recorded: Recorded::AtStamp,
         replay: None,
         injectable: false,
-        shown: false,
+        shown: true,
     }
 
     /// The finished map in numbers.
@@ -367,7 +367,7 @@ services! {
         recorded: Recorded::AsReport,
         replay: None,
         injectable: false,
-        shown: false,
+        shown: true,
     }
 
     /// Where SBS sees something move in the frame of the same number: 255 there, 0 elsewhere. Made only while it is read,

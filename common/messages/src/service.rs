@@ -35,7 +35,7 @@ pub struct Service {
     pub replay: Option<Replay>,
     /// Whether it can go through the injector, which loses, delays and damages messages on purpose.
     pub injectable: bool,
-    /// Whether the viewer offers it to Foxglove as a channel.
+    /// Whether the viewer reads it: it is a channel for Foxglove, and the page draws what it knows of it.
     pub shown: bool,
 }
 

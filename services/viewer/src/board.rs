@@ -1,10 +1,14 @@
 //! The newest state of everything, and which part of it each browser has received.
 
+use core::any::Any;
 use std::collections::BTreeMap;
 
-use messages::{MapTile, TILE_CELLS, WayChunk};
+use messages::{CameraFrame, CameraMask, DeploymentStatus, FrameLayout, MapTile, Pictures, PixelFormat, TILE_CELLS, WayChunk};
 use serde::Serialize;
 use tungstenite::Message;
+
+use crate::camera;
+use crate::status::Status;
 
 /// Most tiles in one update: 0.2 MB, which a slow connection takes in a fraction of a second.
 const TILES_AT_ONCE: usize = 192;
@@ -69,8 +73,28 @@ pub struct Cursor {
 }
 
 impl Board {
+    /// Takes a message of any service: a tile, a piece of the path, or the state of the processes. Other payloads change nothing.
+    pub fn message(&mut self, payload: &dyn Any) {
+        if let Some(tile) = payload.downcast_ref() {
+            self.tile(tile);
+        } else if let Some(chunk) = payload.downcast_ref() {
+            self.path(chunk);
+        } else if let Some(status) = payload.downcast_ref::<DeploymentStatus>() {
+            self.put_json(Topic::Status, &Status::from(status));
+        }
+    }
+
+    /// Takes a picture of the camera, or the mask of one. Pictures of other services change nothing.
+    pub fn picture<P: Pictures>(&mut self, layout: FrameLayout, format: PixelFormat, bytes: &[u8]) {
+        if P::SERVICE == CameraFrame::SERVICE {
+            self.put(Topic::Picture, camera::picture(layout, format, bytes));
+        } else if P::SERVICE == CameraMask::SERVICE {
+            self.put(Topic::Mask, camera::mask(layout, bytes));
+        }
+    }
+
     /// Takes a tile of the map. A tile that looks as before is no change.
-    pub fn tile(&mut self, tile: &MapTile) {
+    fn tile(&mut self, tile: &MapTile) {
         let key = (tile.layer, tile.row, tile.column);
         let shades = Box::new(tile.log_odds.map(|log_odds| shade(log_odds) as u8));
         match self.tiles.get(&key) {
@@ -87,7 +111,7 @@ impl Board {
     }
 
     /// Takes a piece of the robot's path.
-    pub fn path(&mut self, chunk: &WayChunk) {
+    fn path(&mut self, chunk: &WayChunk) {
         if chunk.total > MOST_POINTS || chunk.first > chunk.total {
             return;
         }

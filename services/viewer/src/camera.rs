@@ -12,7 +12,7 @@ const MASK: u8 = 4;
 
 /// A picture: `[3, bytes of a pixel, 0, 0]`, width and height as u16, then the pixels, grey or red, green, blue.
 #[must_use]
-pub fn picture(layout: FrameLayout, format: PixelFormat, bytes: &[u8]) -> Message {
+pub(crate) fn picture(layout: FrameLayout, format: PixelFormat, bytes: &[u8]) -> Message {
     let channels = if format == PixelFormat::Rgb { 3 } else { 1 };
     message([PICTURE, channels], layout, bytes, |row, u| match format {
         PixelFormat::Grey => row.get(u..=u),
@@ -24,7 +24,7 @@ pub fn picture(layout: FrameLayout, format: PixelFormat, bytes: &[u8]) -> Messag
 
 /// A mask: `[4, 1, 0, 0]`, width and height as u16, then a byte a pixel, above 0 where something moves.
 #[must_use]
-pub fn mask(layout: FrameLayout, bytes: &[u8]) -> Message {
+pub(crate) fn mask(layout: FrameLayout, bytes: &[u8]) -> Message {
     message([MASK, 1], layout, bytes, |row, u| row.get(u..=u))
 }
 

@@ -18,7 +18,7 @@
 
 pub mod access;
 mod board;
-pub mod camera;
+mod camera;
 mod connection;
 mod deployment;
 pub mod foxglove;
@@ -36,4 +36,3 @@ pub use deployment::Deployment;
 pub use listener::{Listener, RETRY as LISTEN_RETRY};
 pub use scene::{CameraView, Region, Replay, Scene, SceneView, SonarCone, WalkerView};
 pub use server::{Served, Server};
-pub use status::Status;

@@ -1,5 +1,6 @@
 //! The robot, its sonars and the walkers, as of the newest scan.
 
+use core::any::Any;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
 
@@ -161,8 +162,32 @@ impl Scene {
         Self { cell_m, playback: playback.map(str::to_owned), ..Self::default() }
     }
 
+    /// Takes a message of any service; true if it may change what is drawn. Payloads that are not drawn change nothing.
+    pub fn message(&mut self, seq: u64, stamp_ns: u64, payload: &dyn Any) -> bool {
+        if let Some(scan) = payload.downcast_ref() {
+            self.scan(seq, stamp_ns, scan);
+        } else if let Some(motion) = payload.downcast_ref() {
+            self.motion(stamp_ns, motion);
+        } else if let Some(motion) = payload.downcast_ref() {
+            self.camera(motion);
+        } else if let Some(verdict) = payload.downcast_ref() {
+            self.verdict(seq, verdict);
+        } else if let Some(walkers) = payload.downcast_ref() {
+            self.walkers(stamp_ns, walkers);
+        } else if let Some(truth) = payload.downcast_ref() {
+            self.truth(truth);
+        } else if let Some(surfaces) = payload.downcast_ref() {
+            self.surfaces(surfaces);
+        } else if let Some(heartbeat) = payload.downcast_ref() {
+            return self.heartbeat(heartbeat);
+        } else {
+            return false;
+        }
+        true
+    }
+
     /// Takes a heartbeat; true if it changes the state of the replay.
-    pub fn heartbeat(&mut self, heartbeat: &Heartbeat) -> bool {
+    fn heartbeat(&mut self, heartbeat: &Heartbeat) -> bool {
         if self.playback.as_deref() != Some(heartbeat.process.as_str()) {
             return false;
         }
@@ -178,7 +203,7 @@ impl Scene {
     }
 
     /// Takes a scan.
-    pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) {
+    fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) {
         self.first_ns.get_or_insert(stamp_ns);
         self.stamp_ns = stamp_ns;
         self.scans = seq;
@@ -196,7 +221,7 @@ impl Scene {
     }
 
     /// Takes the verdict on a scan.
-    pub fn verdict(&mut self, seq: u64, verdict: &FilterVerdict) {
+    fn verdict(&mut self, seq: u64, verdict: &FilterVerdict) {
         self.inputs = Some(verdict.inputs);
         while self.waiting.front().is_some_and(|(waiting, _)| *waiting < seq) {
             self.waiting.pop_front();
@@ -215,7 +240,7 @@ impl Scene {
     }
 
     /// Takes motion that the sonars detect.
-    pub fn motion(&mut self, stamp_ns: u64, motion: &SonarMotion) {
+    fn motion(&mut self, stamp_ns: u64, motion: &SonarMotion) {
         for mover in motion.movers() {
             let value = Region { x: mover.map_x_m, y: mover.map_y_m, radius: self.radius(f64::from(mover.cells)) };
             push_bounded(&mut self.sonar_movers, MOST_SONAR_MOVERS, Timed { stamp_ns, value });
@@ -223,14 +248,14 @@ impl Scene {
     }
 
     /// Takes the walkers that the filter tracks.
-    pub fn walkers(&mut self, stamp_ns: u64, walkers: &Walkers) {
+    fn walkers(&mut self, stamp_ns: u64, walkers: &Walkers) {
         for walker in walkers.walkers() {
             self.walkers.insert(walker.track, Timed { stamp_ns, value: *walker });
         }
     }
 
     /// Takes motion that the camera detects.
-    pub fn camera(&mut self, motion: &CameraMotion) {
+    fn camera(&mut self, motion: &CameraMotion) {
         let share = |px: u32, of: u32| f64::from(px) / f64::from(of.max(1));
         let (width, height) = (motion.width, motion.height);
         self.camera = Some(CameraView {
@@ -252,7 +277,7 @@ impl Scene {
     }
 
     /// Takes the true positions of the walkers.
-    pub fn truth(&mut self, truth: &TruthScan) {
+    fn truth(&mut self, truth: &TruthScan) {
         let Some(start) = self.start else { return };
         let (sin, cos) = start.yaw_rad.sin_cos();
         let walkers = truth.walkers_m.iter().take(truth.walkers_count as usize);
@@ -265,7 +290,7 @@ impl Scene {
     }
 
     /// Takes the start of the drive in the world frame.
-    pub fn surfaces(&mut self, surfaces: &TruthSurfaces) {
+    fn surfaces(&mut self, surfaces: &TruthSurfaces) {
         self.start = Some(surfaces.start);
     }
 
@@ -311,7 +336,7 @@ fn walker_view(walker: &TrackedWalker) -> WalkerView {
     WalkerView { name: name(walker.track), region, vx: walker.velocity_x_m_s, vy: walker.velocity_y_m_s }
 }
 
-/// Seconds from a stamp to a later one.
+/// Appends a value; the oldest goes when there are more than `most`.
 fn push_bounded<T>(queue: &mut VecDeque<T>, most: usize, value: T) {
     queue.push_back(value);
     if queue.len() > most {

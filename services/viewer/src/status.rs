@@ -8,7 +8,7 @@ use serde::Serialize;
 /// The state of the processes of a deployment.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(tag = "kind", rename = "status")]
-pub struct Status {
+pub(crate) struct Status {
     deployment: String,
     uptime_s: f64,
     ending: bool,

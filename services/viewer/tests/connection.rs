@@ -114,7 +114,7 @@ fn a_browser_receives_updates_and_sends_commands() {
     let (mut ends, mut socket) = Ends::watching();
     let mut board = Board::default();
     board.put(Topic::Status, Message::text("{}"));
-    board.tile(&tile(0, 1.0));
+    board.message(&tile(0, 1.0));
     assert_eq!(ends.server.offer(&board, ends.now), Offer::Sent(2 + 4 + 12 + TILE_CELLS));
     assert_eq!(socket.read().unwrap(), Message::text("{}"));
     assert_eq!(socket.read().unwrap().len(), 4 + 12 + TILE_CELLS);
@@ -134,7 +134,7 @@ fn a_stalled_browser_misses_updates_and_is_closed() {
     let mut missed = 0;
     let mut sent = 0;
     for round in 0_u16..2_000 {
-        (0..32).for_each(|column| board.tile(&tile(column, f32::from(round % 4) - 1.5)));
+        (0..32).for_each(|column| board.message(&tile(column, f32::from(round % 4) - 1.5)));
         match ends.server.offer(&board, ends.now) {
             Offer::Sent(bytes) => sent += bytes,
             Offer::Missed => missed += 1,

@@ -87,7 +87,7 @@ impl Bench {
     fn serves_another(&mut self) -> bool {
         let mut other = self.connect();
         other.subscribe(self, &[(1, "robot/pose")]);
-        self.feed.scan(1, 10, &scan(1.0));
+        self.feed.message(1, 10, &scan(1.0));
         self.flush();
         other.message(10).0 == 1
     }
@@ -163,7 +163,7 @@ fn channels_and_messages_are_those_of_a_log() {
 
     foxglove.subscribe(&mut bench, &[(5, "robot/scan"), (6, "robot/pose"), (9, "camera/frame")]);
     let (scan, layout) = (scan(1.5), FrameLayout { width: 2, height: 1, stride: 2, format: PixelFormat::Grey as u32 });
-    bench.feed.scan(3, 1_000, &scan);
+    bench.feed.message(3, 1_000, &scan);
     bench.feed.picture::<CameraFrame>(4, 2_000, &layout, &[7, 8]);
     bench.flush();
     let (id, bytes) = foxglove.message(1_000);
@@ -175,13 +175,21 @@ fn channels_and_messages_are_those_of_a_log() {
 }
 
 #[test]
+fn every_shown_service_of_the_registry_has_a_channel() {
+    let foxglove = Bench::new().connect();
+    for service in messages::SERVICES {
+        assert_eq!(foxglove.channels.contains_key(service.name), service.shown, "{}", service.name);
+    }
+}
+
+#[test]
 fn reports_are_sent_at_sensor_time() {
     let mut bench = Bench::new();
     let mut foxglove = bench.connect();
     foxglove.subscribe(&mut bench, &[(1, "health/log")]);
     let line = LogLine { process: Text::new("mapping"), ..LogLine::default() };
-    bench.feed.scan(1, 5_000, &scan(0.0));
-    bench.feed.report(1, 99, &line);
+    bench.feed.message(1, 5_000, &scan(0.0));
+    bench.feed.message(1, 99, &line);
     bench.flush();
     foxglove.message(5_000);
     let time = foxglove.socket.read().unwrap().into_data();
@@ -191,8 +199,8 @@ fn reports_are_sent_at_sensor_time() {
 #[test]
 fn a_late_subscriber_receives_the_whole_map_once() {
     let mut bench = Bench::new();
-    bench.feed.tile(1, 50, &tile(0));
-    bench.feed.tile(2, 60, &tile(1));
+    bench.feed.message(1, 50, &tile(0));
+    bench.feed.message(2, 60, &tile(1));
     let mut expected = MapView::default();
     (0..2).for_each(|column| expected.take(&tile(column)));
     let expected = Bytes::from(expected.draw(60).unwrap());
@@ -206,7 +214,7 @@ fn a_late_subscriber_receives_the_whole_map_once() {
     }
     let before = bench.feed.sent();
     bench.now += Duration::from_secs(1);
-    bench.feed.tile(3, 70, &tile(1));
+    bench.feed.message(3, 70, &tile(1));
     bench.flush();
     assert_eq!(bench.feed.sent(), before, "no client subscribes to it");
 }
@@ -218,7 +226,7 @@ fn a_stalled_client_misses_messages_and_is_closed() {
     stalled.subscribe(&mut bench, &[(1, "map/tile")]);
     let bytes = tile(0).encode(1, 1).len() as u64;
     for seq in 1..2_000 {
-        bench.feed.tile(seq, seq, &tile(0));
+        bench.feed.message(seq, seq, &tile(0));
         bench.flush();
     }
     let sent = bench.feed.sent();

@@ -1,34 +1,31 @@
-//! The services that the viewer shows.
+//! The services that are shown: every one of the registry that is declared so.
 
 use ::viewer::foxglove::Feed;
-use ::viewer::{Board, Scene, Topic, camera};
+use ::viewer::{Board, Scene};
 use bus::{BusError, Frame, FrameReader, Reader, Received};
-use messages::{
-    CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapTile, Payload, Pictures, SonarMotion,
-    SonarScan, TruthScan, TruthSurfaces, Walkers, WayChunk,
-};
+use core::any::Any;
+use drivelog::{LogVisitor, Logged, visit_logged};
+use messages::{DeploymentStatus, Payload, Pictures};
 use runtime::Shell;
 use std::net::TcpStream;
+use std::time::{Duration, Instant};
 
 /// Most messages taken from one input in one step, so that a flood does not delay the heartbeat.
 const MOST_AT_ONCE: usize = 256;
+/// Time between two pictures of a service, which are most of the bytes: 12 a second.
+const PICTURE_PERIOD: Duration = Duration::from_millis(80);
 
-/// The inputs of the viewer.
-pub(super) struct Inputs {
-    statuses: Reader<DeploymentStatus>,
-    heartbeats: Reader<Heartbeat>,
-    scans: Reader<SonarScan>,
-    motions: Reader<SonarMotion>,
-    walkers: Reader<Walkers>,
-    camera_motions: Reader<CameraMotion>,
-    verdicts: Reader<FilterVerdict>,
-    tiles: Reader<MapTile>,
-    path: Reader<WayChunk>,
-    truth: Reader<TruthScan>,
-    surfaces: Reader<TruthSurfaces>,
-    lines: Reader<LogLine>,
-    frames: FrameReader<CameraFrame>,
-    masks: FrameReader<CameraMask>,
+/// The inputs of the viewer, the statuses first.
+pub(super) struct Inputs(Vec<Box<dyn Input>>);
+
+/// Where messages are shown.
+pub(super) struct Screens<'a> {
+    pub(super) board: &'a mut Board,
+    pub(super) scene: &'a mut Scene,
+    pub(super) feed: &'a mut Feed<TcpStream>,
+    /// A browser shows the page.
+    pub(super) is_watched: bool,
+    pub(super) now: Instant,
 }
 
 /// What one step has taken.
@@ -43,119 +40,118 @@ pub(super) struct Taken {
 }
 
 impl Inputs {
-    pub(super) fn open(shell: &mut Shell) -> Result<Self, BusError> {
-        Ok(Self {
-            statuses: shell.reader()?,
-            heartbeats: shell.reader()?,
-            scans: shell.reader()?,
-            motions: shell.reader()?,
-            walkers: shell.reader()?,
-            camera_motions: shell.reader()?,
-            verdicts: shell.reader()?,
-            tiles: shell.reader()?,
-            path: shell.reader()?,
-            truth: shell.reader()?,
-            surfaces: shell.reader()?,
-            lines: shell.reader()?,
-            frames: shell.frame_reader()?,
-            masks: shell.frame_reader()?,
-        })
+    pub(super) fn open(shell: &mut Shell, now: Instant) -> Result<Self, BusError> {
+        let mut opening = Opening { shell, now, inputs: Vec::new() };
+        visit_logged(&mut opening)?;
+        let mut inputs = opening.inputs;
+        // What a process sent before it was over waits already when the status reports that it is.
+        inputs.sort_by_key(|input| input.service() != DeploymentStatus::SERVICE.name);
+        Ok(Self(inputs))
     }
 
-    /// Takes what waits, up to a limit for each input, and passes it to board, scene and feed.
-    pub(super) fn take(&mut self, board: &mut Board, scene: &mut Scene, feed: &mut Feed<TcpStream>) -> Result<Taken, BusError> {
+    /// Takes what waits, up to a limit for each input, and shows it.
+    pub(super) fn take(&mut self, screens: &mut Screens<'_>) -> Result<Taken, BusError> {
         let mut taken = Taken::default();
-        let Taken { more, scene: seen, status } = &mut taken;
-        *more |= drain(&mut self.statuses, |seq, stamp_ns, newest| {
-            *status = Some(*newest);
-            feed.report(seq, stamp_ns, newest);
-        })?;
-        drain(&mut self.heartbeats, |seq, stamp_ns, heartbeat| {
-            *seen |= scene.heartbeat(heartbeat);
-            feed.report(seq, stamp_ns, heartbeat);
-        })?;
-        *more |= drain(&mut self.lines, |seq, stamp_ns, line| feed.report(seq, stamp_ns, line))?;
-        *more |= drain(&mut self.surfaces, |_, _, surfaces| scene.surfaces(surfaces))?;
-        *more |= drain(&mut self.scans, |seq, stamp_ns, scan| {
-            scene.scan(seq, stamp_ns, scan);
-            feed.scan(seq, stamp_ns, scan);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.motions, |seq, stamp_ns, motion| {
-            scene.motion(stamp_ns, motion);
-            feed.message(seq, stamp_ns, motion);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.walkers, |seq, stamp_ns, walkers| {
-            scene.walkers(stamp_ns, walkers);
-            feed.message(seq, stamp_ns, walkers);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.camera_motions, |seq, stamp_ns, motion| {
-            scene.camera(motion);
-            feed.message(seq, stamp_ns, motion);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.verdicts, |seq, stamp_ns, verdict| {
-            scene.verdict(seq, verdict);
-            feed.message(seq, stamp_ns, verdict);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.truth, |seq, stamp_ns, truth| {
-            scene.truth(truth);
-            feed.message(seq, stamp_ns, truth);
-            *seen = true;
-        })?;
-        *more |= drain(&mut self.tiles, |seq, stamp_ns, tile| {
-            board.tile(tile);
-            feed.tile(seq, stamp_ns, tile);
-        })?;
-        *more |= drain(&mut self.path, |_, _, chunk| board.path(chunk))?;
+        self.0.iter_mut().try_for_each(|input| input.drain(screens, &mut taken))?;
         Ok(taken)
     }
-
-    /// Takes the waiting pictures and shows the newest if one is wanted. True if one is shown.
-    pub(super) fn take_picture(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
-        let Some(frame) = newest(&mut self.frames)?.filter(|_| is_wanted) else { return Ok(false) };
-        board.put(Topic::Picture, camera::picture(frame.layout(), frame.format(), frame.bytes()));
-        show(feed, &frame);
-        Ok(true)
-    }
-
-    /// The same for masks, which are published later than their pictures.
-    pub(super) fn take_mask(&mut self, board: &mut Board, feed: &mut Feed<TcpStream>, is_wanted: bool) -> Result<bool, BusError> {
-        let Some(mask) = newest(&mut self.masks)?.filter(|_| is_wanted) else { return Ok(false) };
-        board.put(Topic::Mask, camera::mask(mask.layout(), mask.bytes()));
-        show(feed, &mask);
-        Ok(true)
-    }
 }
 
-fn show<P: Pictures>(feed: &mut Feed<TcpStream>, frame: &Frame<P>) {
-    feed.picture::<P>(frame.seq(), frame.stamp_ns(), &frame.layout(), frame.bytes());
+/// Opens an input for every service that is shown.
+struct Opening<'a> {
+    shell: &'a mut Shell,
+    now: Instant,
+    inputs: Vec<Box<dyn Input>>,
 }
 
-fn newest<P: Pictures>(reader: &mut FrameReader<P>) -> Result<Option<Frame<P>>, BusError> {
-    let mut newest = None;
-    for _ in 0..MOST_AT_ONCE {
-        match reader.take()? {
-            None => break,
-            // This releases the previous one: its sender has few slots.
-            Some(Received::Message(frame)) => newest = Some(frame),
-            Some(Received::End { .. }) => {}
+impl LogVisitor for Opening<'_> {
+    type Error = BusError;
+
+    fn message<T: Logged>(&mut self) -> Result<(), BusError> {
+        if T::SERVICE.shown {
+            self.inputs.push(Box::new(MessageInput::<T>(self.shell.reader()?)));
         }
+        Ok(())
     }
-    Ok(newest)
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), BusError> {
+        if P::SERVICE.shown {
+            self.inputs.push(Box::new(PictureInput::<P> { reader: self.shell.frame_reader()?, shown_at: self.now }));
+        }
+        Ok(())
+    }
 }
 
-/// Takes what waits, up to a limit; true when there may be more.
-fn drain<T: Payload>(reader: &mut Reader<T>, mut each: impl FnMut(u64, u64, &T)) -> Result<bool, BusError> {
-    for _ in 0..MOST_AT_ONCE {
-        match reader.take()? {
-            None => return Ok(false),
-            Some(Received::Message(message)) => each(message.seq(), message.stamp_ns(), &message),
-            Some(Received::End { .. }) => {}
-        }
+/// A service that is shown.
+trait Input {
+    /// Its name.
+    fn service(&self) -> &'static str;
+    /// Takes what waits, up to a limit, and shows it.
+    fn drain(&mut self, screens: &mut Screens<'_>, taken: &mut Taken) -> Result<(), BusError>;
+}
+
+struct MessageInput<T: Logged>(Reader<T>);
+
+impl<T: Logged> Input for MessageInput<T> {
+    fn service(&self) -> &'static str {
+        T::SERVICE.name
     }
-    Ok(true)
+
+    fn drain(&mut self, screens: &mut Screens<'_>, taken: &mut Taken) -> Result<(), BusError> {
+        for _ in 0..MOST_AT_ONCE {
+            match self.0.take()? {
+                None => return Ok(()),
+                Some(Received::Message(message)) => {
+                    let (seq, stamp_ns, payload): (_, _, &T) = (message.seq(), message.stamp_ns(), &message);
+                    screens.feed.message(seq, stamp_ns, payload);
+                    screens.board.message(payload);
+                    taken.scene |= screens.scene.message(seq, stamp_ns, payload);
+                    let payload: &dyn Any = payload;
+                    taken.status = payload.downcast_ref().copied().or(taken.status);
+                }
+                Some(Received::End { .. }) => {}
+            }
+        }
+        taken.more = true;
+        Ok(())
+    }
+}
+
+struct PictureInput<P: Pictures> {
+    reader: FrameReader<P>,
+    /// When the last picture was shown.
+    shown_at: Instant,
+}
+
+impl<P: Pictures> PictureInput<P> {
+    /// The last of the pictures that wait.
+    fn newest(&mut self) -> Result<Option<Frame<P>>, BusError> {
+        let mut newest = None;
+        for _ in 0..MOST_AT_ONCE {
+            match self.reader.take()? {
+                None => break,
+                // This releases the previous one: its sender has few slots.
+                Some(Received::Message(frame)) => newest = Some(frame),
+                Some(Received::End { .. }) => {}
+            }
+        }
+        Ok(newest)
+    }
+}
+
+impl<P: Pictures> Input for PictureInput<P> {
+    fn service(&self) -> &'static str {
+        P::SERVICE.name
+    }
+
+    fn drain(&mut self, screens: &mut Screens<'_>, _: &mut Taken) -> Result<(), BusError> {
+        let is_due = screens.now.saturating_duration_since(self.shown_at) >= PICTURE_PERIOD;
+        let is_wanted = screens.is_watched || screens.feed.wants::<P>();
+        if let Some(frame) = self.newest()?.filter(|_| is_due && is_wanted) {
+            screens.board.picture::<P>(frame.layout(), frame.format(), frame.bytes());
+            screens.feed.picture::<P>(frame.seq(), frame.stamp_ns(), &frame.layout(), frame.bytes());
+            self.shown_at = screens.now;
+        }
+        Ok(())
+    }
 }

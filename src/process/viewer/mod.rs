@@ -4,11 +4,11 @@ mod inputs;
 
 use ::viewer::access::Access;
 use ::viewer::foxglove::{Feed, Port};
-use ::viewer::{Board, Deployment, LISTEN_RETRY, Scene, Server, Status, Topic};
+use ::viewer::{Board, Deployment, LISTEN_RETRY, Scene, Server, Topic};
 use anyhow::Result;
 use bus::{BusError, Writer};
-use inputs::{Inputs, Taken};
-use messages::{CameraFrame, CameraMask, DeploymentStatus, PlaybackControl, ProcessStatus};
+use inputs::{Inputs, Screens, Taken};
+use messages::{DeploymentStatus, PlaybackControl, ProcessStatus};
 use runtime::{Context, Next, Shell, StepError};
 use settings::{BuiltIn, Settings};
 use std::os::fd::BorrowedFd;
@@ -16,8 +16,6 @@ use std::time::{Duration, Instant};
 
 /// Time between two updates of the page: 20 a second look continuous.
 const UPDATE_PERIOD: Duration = Duration::from_millis(50);
-/// Time between two pictures of the camera, which are most of the bytes: 12 a second.
-const PICTURE_PERIOD: Duration = Duration::from_millis(80);
 /// Longest time in which browsers receive the last update.
 const LAST_UPDATE: Duration = Duration::from_secs(1);
 
@@ -36,7 +34,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     board.put_json(Topic::Deployment, &deployment);
     let others = settings.process.iter().filter(|process| !process.runs(BuiltIn::Viewer) && !process.runs(BuiltIn::Recorder));
     let mut viewer = Viewer {
-        inputs: Inputs::open(&mut shell)?,
+        inputs: Inputs::open(&mut shell, now)?,
         control: if is_replay { Some(shell.writer()?) } else { None },
         commands: 0,
         scene: Scene::new(settings.mapping.cell_m.get(), playback(settings)),
@@ -45,8 +43,6 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         server: Server::new(of.address.get(), of.port.get() as u16, access, is_replay),
         foxglove: Port::new(of.address.get(), of.foxglove_port.get() as u16, feed),
         updated_at: now,
-        picture_at: now,
-        mask_at: now,
         scene_changed: false,
         others: others.map(|process| process.name.as_str().to_owned()).collect(),
         over_since: None,
@@ -82,10 +78,8 @@ struct Viewer {
     deployment: Deployment,
     server: Server,
     foxglove: Port,
-    /// Time of the last update of the page, picture and mask.
+    /// Time of the last update of the page.
     updated_at: Instant,
-    picture_at: Instant,
-    mask_at: Instant,
     /// The scene has changed since the last update.
     scene_changed: bool,
     /// Processes whose end ends the page.
@@ -97,9 +91,10 @@ impl runtime::Process for Viewer {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let now = Instant::now();
         self.open(now);
-        let taken = self.inputs.take(&mut self.board, &mut self.scene, &mut self.foxglove.feed)?;
+        let is_watched = self.server.watching() > 0;
+        let (board, scene, feed) = (&mut self.board, &mut self.scene, &mut self.foxglove.feed);
+        let taken = self.inputs.take(&mut Screens { board, scene, feed, is_watched, now })?;
         self.note(&taken, now);
-        self.take_pictures(now)?;
         self.forward_commands(context, now)?;
         self.foxglove.advance(now);
         let next = self.show(now);
@@ -128,26 +123,10 @@ impl Viewer {
         }
     }
 
-    fn take_pictures(&mut self, now: Instant) -> Result<(), BusError> {
-        let feed = &self.foxglove.feed;
-        let is_watched = self.server.watching() > 0 || feed.wants::<CameraFrame>() || feed.wants::<CameraMask>();
-        let is_wanted = |last: Instant| is_watched && now.saturating_duration_since(last) >= PICTURE_PERIOD;
-        if self.inputs.take_picture(&mut self.board, &mut self.foxglove.feed, is_wanted(self.picture_at))? {
-            self.picture_at = now;
-        }
-        if self.inputs.take_mask(&mut self.board, &mut self.foxglove.feed, is_wanted(self.mask_at))? {
-            self.mask_at = now;
-        }
-        Ok(())
-    }
-
     fn note(&mut self, taken: &Taken, now: Instant) {
         self.scene_changed |= taken.scene;
-        if let Some(status) = &taken.status {
-            self.board.put_json(Topic::Status, &Status::from(status));
-            if self.over_since.is_none() && self.others_are_over(status) {
-                self.over_since = Some(now);
-            }
+        if self.over_since.is_none() && taken.status.is_some_and(|status| self.others_are_over(&status)) {
+            self.over_since = Some(now);
         }
     }
 

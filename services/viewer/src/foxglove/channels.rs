@@ -1,10 +1,9 @@
 //! The channels that are offered.
 
-use drivelog::{Format, Image, Logged, MapView, PoseView};
-use messages::{
-    CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, Layer, LogLine, MapTile, Pictures, SonarMotion,
-    SonarScan, TruthScan, Walkers,
-};
+use core::convert::Infallible;
+
+use drivelog::{Format, Image, LogVisitor, Logged, MapView, PoseView, visit_logged};
+use messages::{Layer, Pictures};
 use tungstenite::Message;
 
 use super::{protocol, scene};
@@ -13,26 +12,17 @@ use super::{protocol, scene};
 pub(super) struct Channels(Vec<(&'static str, Format)>);
 
 impl Channels {
-    /// The topics of a log that are published repeatedly.
+    /// Every service of the registry that is shown, under the topic that it has in a log, and what is derived from them.
     pub(super) fn of_a_drive() -> Self {
-        Self(vec![
-            of::<SonarScan>(),
+        let mut channels = Self(Vec::new());
+        let Ok(()) = visit_logged(&mut channels);
+        channels.0.extend([
             (PoseView::TOPIC, PoseView::format()),
-            of::<SonarMotion>(),
-            of::<CameraMotion>(),
-            pictures::<CameraFrame>(),
-            pictures::<CameraMask>(),
-            of::<Walkers>(),
-            of::<FilterVerdict>(),
-            of::<MapTile>(),
             (MapView::topic(Layer::Filtered as u32), MapView::format()),
             (MapView::topic(Layer::Unfiltered as u32), MapView::format()),
             (scene::TOPIC, scene::format()),
-            of::<TruthScan>(),
-            of::<DeploymentStatus>(),
-            of::<Heartbeat>(),
-            of::<LogLine>(),
-        ])
+        ]);
+        channels
     }
 
     /// The id of the channel of a topic.
@@ -60,10 +50,20 @@ impl Channels {
     }
 }
 
-fn of<T: Logged>() -> (&'static str, Format) {
-    (T::SERVICE.name, T::format())
-}
+impl LogVisitor for Channels {
+    type Error = Infallible;
 
-fn pictures<P: Pictures>() -> (&'static str, Format) {
-    (P::SERVICE.name, Image::format())
+    fn message<T: Logged>(&mut self) -> Result<(), Infallible> {
+        if T::SERVICE.shown {
+            self.0.push((T::SERVICE.name, T::format()));
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), Infallible> {
+        if P::SERVICE.shown {
+            self.0.push((P::SERVICE.name, Image::format()));
+        }
+        Ok(())
+    }
 }

@@ -1,11 +1,12 @@
 //! Messages of the bus, sent to the clients that subscribed to them.
 
+use core::any::Any;
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 use drivelog::{Image, Logged, MapView, PoseView};
-use messages::{FrameLayout, MapTile, Pictures, SonarScan};
+use messages::{FrameLayout, MapTile, Pictures, Recorded};
 
 use super::channels::Channels;
 use super::client::{Client, Offer};
@@ -87,30 +88,26 @@ impl<S: Read + Write> Feed<S> {
         self.remove_closed();
     }
 
-    /// Sends a message whose stamp is sensor time.
+    /// Sends a message, and what is derived from it: the pose of a scan, and from a tile the next picture of the map.
+    ///
+    /// A message about the deployment itself has no sensor time. It is sent at the newest sensor time, if there is one.
     pub fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) {
-        self.advance_time(stamp_ns);
-        self.send(T::SERVICE.name, stamp_ns, || payload.encode(seq, stamp_ns));
-    }
-
-    /// Sends a message about the deployment itself, whose stamp is not sensor time. It is sent with the newest sensor time, if there is
-    /// one.
-    pub fn report<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) {
-        self.send(T::SERVICE.name, self.now_ns.unwrap_or(stamp_ns), || payload.encode(seq, stamp_ns));
-    }
-
-    /// Sends a scan and its pose.
-    pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) {
-        self.message(seq, stamp_ns, scan);
-        self.send(PoseView::TOPIC, stamp_ns, || PoseView::encode(scan, stamp_ns));
-    }
-
-    /// Sends a tile. The next picture of the map contains it.
-    pub fn tile(&mut self, seq: u64, stamp_ns: u64, tile: &MapTile) {
-        self.message(seq, stamp_ns, tile);
-        let map = self.maps.entry(tile.layer).or_default();
-        map.view.take(tile);
-        map.is_due = true;
+        let log_ns = if T::SERVICE.recorded == Recorded::AsReport {
+            self.now_ns.unwrap_or(stamp_ns)
+        } else {
+            self.advance_time(stamp_ns);
+            stamp_ns
+        };
+        self.send(T::SERVICE.name, log_ns, || payload.encode(seq, stamp_ns));
+        let payload: &dyn Any = payload;
+        if let Some(scan) = payload.downcast_ref() {
+            self.send(PoseView::TOPIC, stamp_ns, || PoseView::encode(scan, stamp_ns));
+        }
+        if let Some(tile) = payload.downcast_ref::<MapTile>() {
+            let map = self.maps.entry(tile.layer).or_default();
+            map.view.take(tile);
+            map.is_due = true;
+        }
     }
 
     /// Sends the scene that is drawn over the map.

@@ -137,7 +137,7 @@ mod tests {
         let walker = TrackedWalker { x_m: 2.0, y_m: -1.0, velocity_x_m_s: 0.5, track: 3, ..TrackedWalker::default() };
         let mut walkers = Walkers { count: 1, ..Walkers::default() };
         walkers.walkers[0] = walker;
-        scene.walkers(10, &walkers);
+        scene.message(1, 10, &walkers);
         let update = <SceneUpdate as foxglove::Decode>::decode(encode(&scene.view(), 10).as_slice()).unwrap();
         let [entity] = &update.entities[..] else { panic!("one entity") };
         let at = entity.cylinders[0].pose.as_ref().unwrap().position.unwrap();
