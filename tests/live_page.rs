@@ -116,8 +116,8 @@ fn a_live_replay_pauses_and_changes_speed_on_request() {
     let first = client.wait("status", |status| playback(status)["counters"]["paused"] == 1);
     let later = first["uptime_s"].as_f64().unwrap() + 2.0;
     let second = client.wait("status", |status| status["uptime_s"].as_f64() > Some(later));
-    assert!(playback(&first)["counters"]["scans played"].as_u64() > Some(0));
-    assert_eq!(playback(&first)["counters"]["scans played"], playback(&second)["counters"]["scans played"], "paused");
+    assert!(playback(&first)["counters"]["robot/scan played"].as_u64() > Some(0));
+    assert_eq!(playback(&first)["counters"]["robot/scan played"], playback(&second)["counters"]["robot/scan played"], "paused");
     client.request(false, 40.0);
     let fast = client.wait("scene", |scene| scene["replay"]["times"] == 40.0);
     assert_eq!(fast["replay"]["paused"], false);

@@ -162,7 +162,7 @@ fn kill_with_messages_waiting(run: &mut Run, process: &str) {
         resume(mapping);
     }
     if process != "playback" {
-        run.wait_for("playback", "it has played", |it| counter(it, "scans played") > Some(0));
+        run.wait_for("playback", "it has played", |it| counter(it, "robot/scan played") > Some(0));
     }
     kill(pid);
 }
@@ -256,7 +256,7 @@ fn kill_one_after_the_other_in(sandbox: &Sandbox, log: &Path, undisturbed: &Outc
     run.wait_for_line(&format!("{stopped:<10} is up"));
     let stopped_pid = run.pid_of(stopped);
     stop(stopped_pid);
-    run.wait_for("playback", "it has played all", |it| counter(it, "scans played") == Some(scans));
+    run.wait_for("playback", "it has played all", |it| counter(it, "robot/scan played") == Some(scans));
     // FTI receives the motion seen by the sonars beside each scan; playback has sent all.
     let least = match first {
         "fti" => 2 * scans,

@@ -2,27 +2,46 @@
 
 use std::collections::VecDeque;
 
-use messages::{CameraFrame, CameraMotion, Payload, Pictures, Replay, Service, SonarScan};
+use messages::{Replay, SERVICES};
 
 use crate::schedule::Schedule;
 
-/// The streams that are played, in the order of [`Resume::reserved`].
-pub const STREAMS: [Stream; 3] = [Stream::of(&SonarScan::SERVICE), Stream::of(&CameraFrame::SERVICE), Stream::of(&CameraMotion::SERVICE)];
+/// The services of the registry that are played, in its order, which is that of [`Resume::reserved`].
+pub const STREAMS: [Stream; count_of_streams()] = {
+    let mut streams = [Stream { service: "", history: 0, replay: Replay::SCANS }; count_of_streams()];
+    let (mut at, mut stream) = (0, 0);
+    while at < SERVICES.len() {
+        let service = &SERVICES[at];
+        if let Some(replay) = service.replay {
+            streams[stream] = Stream { service: service.name, history: service.qos.history, replay };
+            stream += 1;
+        }
+        at += 1;
+    }
+    streams
+};
 
-/// How a stream is taken up again: see [`Replay`].
+const fn count_of_streams() -> usize {
+    let (mut at, mut count) = (0, 0);
+    while at < SERVICES.len() {
+        count += SERVICES[at].replay.is_some() as usize;
+        at += 1;
+    }
+    count
+}
+
+/// How a stream is resumed: see [`Replay`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stream {
-    /// Messages that a late reader still gets.
+    /// Name of its service.
+    pub service: &'static str,
+    /// Messages that a late reader still receives.
     pub history: usize,
-    /// What the registry says of it.
+    /// What the registry declares.
     pub replay: Replay,
 }
 
 impl Stream {
-    const fn of(service: &Service) -> Self {
-        Self { history: service.qos.history, replay: service.replay.expect("declared as played back") }
-    }
-
     /// Messages up to a note that a restarted playback sends again.
     fn again(&self) -> usize {
         self.replay.resent(self.history) as usize
@@ -85,6 +104,11 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
+    fn the_streams_are_the_played_services() {
+        assert_eq!(STREAMS.map(|stream| stream.service), ["robot/scan", "camera/frame", "motion/camera"]);
+    }
+
+    #[test]
     fn a_note_is_taken_before_it_is_passed() {
         let mut resume = Resume::default();
         let notes: Vec<u64> = (1..=200).filter(|seq| resume.reserve(0, *seq)).collect();
@@ -120,7 +144,7 @@ mod tests {
     /// consumer's checkpoint, what it lacks is sent again, something is new to it, and all of it fits the history that it finds
     /// when it comes later.
     fn check_restarts(stream: usize, log: &[u64], lives: &[usize], window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
-        let Stream { history, replay: Replay { spare, .. } } = STREAMS[stream];
+        let Stream { history, replay: Replay { spare, .. }, .. } = STREAMS[stream];
         let up_to = |seq: u64| log.partition_point(|it| *it <= seq);
         let (mut first, mut sent) = (0, 0);
         let mut resume = Resume::default();

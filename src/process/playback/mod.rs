@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use ::playback::{Answers, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
 use anyhow::Result;
 use bus::{Reader, Received};
-use drivelog::Log;
+use drivelog::{Log, LogVisitor, Logged, visit_logged};
 use lane::{Cursor, Images, Lane, Messages, Source};
-use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
+use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
 
@@ -34,10 +34,10 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let kinds = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Sbs, BuiltIn::Fti];
     shell.linger_as_source_until(kinds.into_iter().flat_map(|kind| settings.named(kind)));
     if restarted {
-        tracing::info!("goes on behind scan {}", resume.begin_behind[0]);
+        tracing::info!("resumes after scan {}", resume.begin_behind[0]);
     }
     let mut playback = Playback {
-        lanes: lanes(&mut shell, settings, log, &resume, restarted)?,
+        lanes: lanes(&mut shell, settings, &resume, restarted)?,
         checkpoint,
         progress: shell.reader()?,
         statuses: shell.reader()?,
@@ -53,60 +53,93 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     Ok(shell.run(&mut playback)?)
 }
 
-/// The streams that are played. Each has a reading of the log of its own: what is recorded together need not stand in the
-/// order of sensor time.
-fn lanes(shell: &mut Shell, settings: &Settings, log: Log, resume: &Resume, restarted: bool) -> Result<Vec<Lane>> {
-    let lane = |stream: usize, source: Box<dyn Source>, service: Service, window: u32, consumers: Vec<Consumer>| Lane {
-        source,
-        stream,
-        service: service.name,
-        begin_behind: resume.begin_behind[stream],
-        assumed: resume.reserved[stream],
-        answers: Answers::new(consumers),
-        window: (settings.pace == Pace::Lockstep)
-            .then(|| Window::new(if restarted { window.min(STREAMS[stream].replay.spare) } else { window })),
-        size: window,
-        last: (0, 0),
-        sent: 0,
-        ended: false,
-    };
-    let open = || Log::open(&settings.playback.log);
-    let scans = Box::new(Messages::<SonarScan> { cursor: Cursor::new(log), writer: shell.writer()? });
-    let frames = Box::new(Images::<CameraFrame> { cursor: Cursor::new(open()?), writer: shell.frame_writer()? });
-    let mut lanes = vec![
-        lane(0, scans, SonarScan::SERVICE, settings.playback.window.get(), consumers(settings, answers_scans)),
-        lane(1, frames, CameraFrame::SERVICE, Replay::FRAMES.window, consumers(settings, |kind| answers_frames(kind, settings))),
-    ];
-    // What the camera sees is made anew of its pictures, or else played as it was recorded.
-    if settings.playback.camera_motion {
-        let motions = Box::new(Messages::<CameraMotion> { cursor: Cursor::new(open()?), writer: shell.writer()? });
-        lanes.push(lane(2, motions, CameraMotion::SERVICE, settings.playback.window.get(), Vec::new()));
-    }
-    Ok(lanes)
+/// The streams of the registry that are played. Each reads the log by itself: messages that were recorded together need not be in
+/// the order of sensor time.
+fn lanes(shell: &mut Shell, settings: &Settings, resume: &Resume, restarted: bool) -> Result<Vec<Lane>> {
+    let mut opening = Opening { shell, settings, resume, restarted, lanes: Vec::new() };
+    visit_logged(&mut opening)?;
+    Ok(opening.lanes)
 }
 
-/// The processes of the deployment that answer a stream, and whether they end by themselves; what any other executable does is
-/// not known.
-fn consumers(settings: &Settings, ends_itself: impl Fn(BuiltIn) -> Option<bool>) -> Vec<Consumer> {
+/// Opens a lane for every service that is played.
+struct Opening<'a> {
+    shell: &'a mut Shell,
+    settings: &'a Settings,
+    resume: &'a Resume,
+    restarted: bool,
+    lanes: Vec<Lane>,
+}
+
+impl Opening<'_> {
+    /// Where the log is read for a service; `None` if the service is not played.
+    fn cursor<T>(&self, service: &Service) -> Result<Option<Cursor<T>>> {
+        // SBS detects the camera motion again in the pictures.
+        let is_made_again = service.name == CameraMotion::SERVICE.name && !self.settings.playback.camera_motion;
+        Ok(if service.replay.is_some() && !is_made_again { Some(Cursor::new(Log::open(&self.settings.playback.log)?)) } else { None })
+    }
+
+    /// Adds a lane in which lockstep sends at most `window` messages ahead of the slowest consumer.
+    fn add(&mut self, source: Box<dyn Source>, service: &Service, window: u32) {
+        let streams = STREAMS.iter().zip(self.resume.begin_behind).zip(self.resume.reserved);
+        let Some((stream, ((of, begin_behind), assumed))) = streams.enumerate().find(|(_, ((of, _), _))| of.service == service.name) else {
+            return;
+        };
+        self.lanes.push(Lane {
+            source,
+            stream,
+            service: service.name,
+            begin_behind,
+            assumed,
+            answers: Answers::new(consumers(self.settings, service.name)),
+            window: (self.settings.pace == Pace::Lockstep)
+                .then(|| Window::new(if self.restarted { window.min(of.replay.spare) } else { window })),
+            size: window,
+            last: (0, 0),
+            sent: 0,
+            ended: false,
+        });
+    }
+}
+
+impl LogVisitor for Opening<'_> {
+    type Error = anyhow::Error;
+
+    fn message<T: Logged>(&mut self) -> Result<()> {
+        if let Some(cursor) = self.cursor(&T::SERVICE)? {
+            let source = Messages::<T> { cursor, writer: self.shell.writer()? };
+            self.add(Box::new(source), &T::SERVICE, self.settings.playback.window.get());
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<()> {
+        if let Some((cursor, replay)) = self.cursor(&P::SERVICE)?.zip(P::SERVICE.replay) {
+            let source = Images::<P> { cursor, writer: self.shell.frame_writer()? };
+            self.add(Box::new(source), &P::SERVICE, replay.window);
+        }
+        Ok(())
+    }
+}
+
+/// The processes of the deployment that answer a stream, and whether each ends by itself. Commands are left out: they need not
+/// report what they have answered.
+fn consumers(settings: &Settings, service: &str) -> Vec<Consumer> {
     let consumer = |process: &settings::Process| match process.program {
-        Program::BuiltIn(kind) => ends_itself(kind).map(|ends_itself| Consumer { name: process.name.as_str().to_owned(), ends_itself }),
+        Program::BuiltIn(kind) => {
+            answers(kind, service, settings).map(|ends_itself| Consumer { name: process.name.as_str().to_owned(), ends_itself })
+        }
         Program::Command(_) => None,
     };
     settings.process.iter().filter_map(consumer).collect()
 }
 
-fn answers_scans(kind: BuiltIn) -> Option<bool> {
+/// Whether a process that answers a stream ends by itself; `None` if it does not answer it.
+fn answers(kind: BuiltIn, service: &str, settings: &Settings) -> Option<bool> {
+    let (scans, frames) = (service == SonarScan::SERVICE.name, service == CameraFrame::SERVICE.name);
     match kind {
-        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti => Some(true),
-        BuiltIn::Recorder => Some(false),
-        _ => None,
-    }
-}
-
-fn answers_frames(kind: BuiltIn, settings: &Settings) -> Option<bool> {
-    match kind {
-        BuiltIn::Sbs => Some(true),
-        BuiltIn::Recorder => settings.recorder.pictures.then_some(false),
+        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti => scans.then_some(true),
+        BuiltIn::Sbs => frames.then_some(true),
+        BuiltIn::Recorder => (scans || frames && settings.recorder.pictures).then_some(false),
         _ => None,
     }
 }
@@ -253,12 +286,8 @@ impl Playback {
         let percent = 100.0 * read as f64 / bytes.max(1) as f64;
         let so_far = format!("{played_s:.1} s of the log, {percent:.0} % of it read");
         context.note(&self.waits_for.as_ref().map_or_else(|| so_far.clone(), |waits_for| format!("{waits_for}; {so_far}")));
-        for lane in &self.lanes {
-            if lane.stream == 0 {
-                context.count("scans played", lane.sent);
-            } else if lane.sent > 0 {
-                context.count(if lane.stream == 1 { "frames played" } else { "camera motions played" }, lane.sent);
-            }
+        for lane in self.lanes.iter().filter(|lane| lane.sent > 0) {
+            context.count(&format!("{} played", lane.service), lane.sent);
         }
         context.count(PlaybackControl::PAUSED, u64::from(self.paused));
         if let Some(speed) = self.live_speed {
