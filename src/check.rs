@@ -27,13 +27,17 @@ pub(crate) struct CheckArgs {
     /// Print the reference of all settings
     #[arg(long, group = "what")]
     reference: bool,
+    /// Print the wire contract: every service and payload, and the rules for drivers
+    #[arg(long, group = "what")]
+    wire: bool,
 }
 
-/// Checks a settings file, or prints the schema or the reference of all settings.
+/// Checks a settings file, or prints the schema or the reference of all settings, or the wire contract.
 pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     match args {
         CheckArgs { settings: Some(settings), .. } => check_file(settings)?,
         CheckArgs { schema: true, .. } => output::write(&settings::schema())?,
+        CheckArgs { wire: true, .. } => output::write(&messages::reference())?,
         CheckArgs { .. } => output::write(&settings::reference())?,
     }
     Ok(())

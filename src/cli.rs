@@ -62,7 +62,7 @@ pub(crate) enum Command {
     /// Describes, recovers or imports logs
     #[command(subcommand)]
     Log(LogCommand),
-    /// Checks a settings file, or prints the schema or the reference of all settings
+    /// Checks a settings file, or prints the reference of all settings or of the messages on the bus
     Check(CheckArgs),
     /// Runs one process of a deployment; the supervisor starts it
     #[command(hide = true)]

@@ -17,6 +17,8 @@ mod key_effects;
 mod recorder;
 pub mod robot;
 mod viewer;
+#[cfg(test)]
+mod wiring_tests;
 
 use crate::exit::BadInput;
 use bus::Membership;

@@ -58,7 +58,7 @@ macro_rules! logged {
     ($($kind:ident $ty:ident)*) => {
         $(logged!(@implement $kind $ty);)*
 
-        /// Has the visitor do its work for every service of the bus.
+        /// Calls the visitor for every service of the bus.
         ///
         /// # Errors
         /// The first that the visitor returns.

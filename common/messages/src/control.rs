@@ -1,15 +1,22 @@
-//! `control/playback`: what a person who watches a replay asks of it.
+//! `control/playback`: requests of a viewer to a replay.
 
 use crate::Invalid;
 use crate::layout::plain;
 use crate::service::{at_most, within};
 
 plain! {
-    /// How playback is to go on. The newest holds.
+    /// The requested state of playback. The newest message holds.
+    ///
+    /// ```
+    /// use stillmap_messages::{Payload, PlaybackControl};
+    ///
+    /// let twice_as_fast = PlaybackControl { speed: 2.0, ..PlaybackControl::default() };
+    /// assert_eq!(twice_as_fast.validate(), Ok(()));
+    /// ```
     pub struct PlaybackControl {
-        /// Times the pace of the drive; of a replay in lockstep, which has no pace, without effect.
+        /// Speed relative to the drive. It has no effect on a replay in lockstep.
         pub speed: f64,
-        /// 1 to stand still, 0 to go on.
+        /// 1 to pause, 0 to continue.
         pub paused: u32,
         /// Always 0.
         pub reserved: u32,
@@ -17,13 +24,13 @@ plain! {
 }
 
 impl PlaybackControl {
-    /// The slowest that playback goes.
+    /// Lowest speed.
     pub const SLOWEST: f64 = 0.1;
-    /// The fastest that playback goes.
+    /// Highest speed.
     pub const FASTEST: f64 = 100.0;
-    /// Counter of playback's heartbeat: 1 while it stands still.
+    /// Counter of playback's heartbeat: 1 while it is paused.
     pub const PAUSED: &'static str = "paused";
-    /// Counter of playback's heartbeat: its pace, in hundredths of the drive's; absent in lockstep.
+    /// Counter of playback's heartbeat: its speed in percent of the drive's; absent in lockstep.
     pub const PERCENT: &'static str = "percent of the drive's pace";
 }
 

@@ -1,15 +1,23 @@
 //! The header of every message.
 
 use crate::layout::plain;
+use crate::numbered::numbered;
 
 plain! {
-    /// Stands before every payload: where in its stream a message is, and of which run.
+    /// The header of every payload: the run, and the position of the message in its stream.
+    ///
+    /// ```
+    /// use stillmap_messages::{Header, Kind};
+    ///
+    /// let header = Header { run: 7, seq: 1, stamp_ns: 1_700_000_000_000_000_000, kind: Kind::Data as u32, crc32: 0 };
+    /// assert_eq!(size_of_val(&header), 32);
+    /// ```
     pub struct Header {
-        /// The run of the deployment; messages of an earlier run are never mistaken for this one's.
+        /// Identity of the run. Readers refuse messages of another run.
         pub run: u64,
-        /// Place in the source stream, from 1. A service that answers a stream uses the number it answers.
+        /// Sequence number in the source stream, from 1. An answer has the number of the message that it answers.
         pub seq: u64,
-        /// Sensor time of what the payload tells.
+        /// Sensor time of what the payload reports, ns.
         pub stamp_ns: u64,
         /// [`Kind`] as a number.
         pub kind: u32,
@@ -43,27 +51,21 @@ impl StreamCursor {
     }
 }
 
-/// What a message is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Kind {
-    /// A payload.
-    Data = 0,
-    /// The stream ends after `seq`; the payload is all zero.
-    End = 1,
-    /// Message `seq` does not come: who waits for it in lockstep need not. The payload is all zero.
-    Gap = 2,
-}
-
-impl Kind {
-    /// The kind a number stands for, if any.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Data),
-            1 => Some(Self::End),
-            2 => Some(Self::Gap),
-            _ => None,
-        }
+numbered! {
+    /// The kind of a message.
+    ///
+    /// ```
+    /// use stillmap_messages::Kind;
+    ///
+    /// assert_eq!(Kind::from_number(1), Some(Kind::End));
+    /// assert_eq!(Kind::from_number(3), None);
+    /// ```
+    pub enum Kind {
+        /// A payload.
+        Data = 0,
+        /// The stream ends after `seq`; the payload is all zero.
+        End = 1,
+        /// Message `seq` was dropped on purpose: a consumer in lockstep does not wait for it. The payload is all zero.
+        Gap = 2,
     }
 }

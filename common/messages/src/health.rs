@@ -1,79 +1,102 @@
-//! `health/…`: how the processes are.
+//! `health/…`: the state of the processes.
 
 use crate::layout::plain;
+use crate::numbered::numbered;
 use crate::service::{at_most, within};
 use crate::{Invalid, Text};
 
-/// Most input streams that a heartbeat tells of.
+/// Most input streams in a heartbeat.
+///
+/// ```
+/// use stillmap_messages::{Heartbeat, MAX_INPUTS};
+///
+/// assert_eq!(Heartbeat::default().inputs.len(), MAX_INPUTS);
+/// ```
 pub const MAX_INPUTS: usize = 24;
 /// Most named counters of a process.
+///
+/// ```
+/// use stillmap_messages::{Heartbeat, MAX_COUNTERS};
+///
+/// assert_eq!(Heartbeat::default().counters.len(), MAX_COUNTERS);
+/// ```
 pub const MAX_COUNTERS: usize = 16;
 /// Most processes of a deployment.
+///
+/// ```
+/// use stillmap_messages::{DeploymentStatus, MAX_PROCESSES};
+///
+/// assert_eq!(DeploymentStatus::default().processes.len(), MAX_PROCESSES);
+/// ```
 pub const MAX_PROCESSES: usize = 24;
 
-/// Where in its life a process is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Phase {
-    /// Joined, not yet at work.
-    Starting = 0,
-    /// At work.
-    Running = 1,
-    /// It has said all it has to say, and stays while somebody may need it again.
-    Ending = 2,
+numbered! {
+    /// The phase of a process.
+    ///
+    /// ```
+    /// use stillmap_messages::{Heartbeat, Phase};
+    ///
+    /// let heartbeat = Heartbeat { phase: Phase::Running as u32, ..Heartbeat::default() };
+    /// assert_eq!(Phase::from_number(heartbeat.phase), Some(Phase::Running));
+    /// ```
+    pub enum Phase {
+        /// It has joined the deployment and does not work yet.
+        Starting = 0,
+        /// At work.
+        Running = 1,
+        /// It has published everything and stays while a consumer may need its history.
+        Ending = 2,
+    }
 }
 
-/// How much a log line matters; the numbers are those of Foxglove's `Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum LogLevel {
-    /// For who looks for a fault.
-    Debug = 1,
-    /// What happens in the normal course.
-    Info = 2,
-    /// Something is degraded.
-    Warning = 3,
-    /// Something failed.
-    Error = 4,
+numbered! {
+    /// Level of a log line; the numbers are those of Foxglove's `Log`.
+    ///
+    /// ```
+    /// use stillmap_messages::LogLevel;
+    ///
+    /// assert_eq!(LogLevel::Warning as u32, 3);
+    /// ```
+    pub enum LogLevel {
+        /// Details for finding a fault.
+        Debug = 1,
+        /// Normal operation.
+        Info = 2,
+        /// Something is degraded.
+        Warning = 3,
+        /// Something failed.
+        Error = 4,
+    }
 }
 
-/// What the supervisor knows of a process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum ProcessState {
-    /// Not started yet.
-    Waiting = 0,
-    /// Started, no heartbeat yet.
-    Starting = 1,
-    /// At work.
-    Running = 2,
-    /// Died; starts again after its delay.
-    Backoff = 3,
-    /// Asked to stop.
-    Stopping = 4,
-    /// Ended as it should.
-    Finished = 5,
-    /// Died more often than its budget allows; stays down.
-    Failed = 6,
+numbered! {
+    /// State of a process as the supervisor sees it.
+    ///
+    /// ```
+    /// use stillmap_messages::ProcessState;
+    ///
+    /// assert_eq!(ProcessState::from_number(6).map(ProcessState::word), Some("failed"));
+    /// ```
+    pub enum ProcessState {
+        /// Not started yet.
+        Waiting = 0,
+        /// Started, no heartbeat yet.
+        Starting = 1,
+        /// At work.
+        Running = 2,
+        /// It died and is restarted after a delay.
+        Backoff = 3,
+        /// Asked to stop.
+        Stopping = 4,
+        /// Ended in order.
+        Finished = 5,
+        /// It died more often than its budget allows and is not restarted.
+        Failed = 6,
+    }
 }
 
 impl ProcessState {
-    /// The state a number stands for, if any.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
-        Some(match number {
-            0 => Self::Waiting,
-            1 => Self::Starting,
-            2 => Self::Running,
-            3 => Self::Backoff,
-            4 => Self::Stopping,
-            5 => Self::Finished,
-            6 => Self::Failed,
-            _ => return None,
-        })
-    }
-
-    /// The word for people.
+    /// The state as a word.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -89,41 +112,64 @@ impl ProcessState {
 }
 
 plain! {
-    /// What came in on one service.
+    /// Counters of one input.
+    ///
+    /// ```
+    /// use stillmap_messages::{InputCounters, Text};
+    ///
+    /// let input = InputCounters { service: Text::new("robot/scan"), received: 97, lost: 3, ..InputCounters::default() };
+    /// assert_eq!(input.service.as_str(), "robot/scan");
+    /// ```
     pub struct InputCounters {
         /// The service.
         pub service: Text<32>,
-        /// Messages taken.
+        /// Messages received.
         pub received: u64,
-        /// Messages missing between those taken.
+        /// Messages missing between those received.
         pub lost: u64,
-        /// Messages that had been taken before.
+        /// Messages that were received before.
         pub repeated: u64,
         /// Messages refused: wrong checksum, numbers out of range, time running backwards.
         pub refused: u64,
-        /// Last sequence number taken.
+        /// Last sequence number received.
         pub last_seq: u64,
-        /// Median of the time from what a message tells of until it was taken, lately, µs; 0 when none was measured.
+        /// Median latency of the last messages, from their stamp until they were received, µs; 0 when none was measured.
         pub latency_median_us: u32,
-        /// What 99 % of the messages stayed within, µs; 0 when none was measured.
+        /// 99th percentile of that latency, µs; 0 when none was measured.
         pub latency_p99_us: u32,
     }
 
-    /// A number that a process counts for people.
+    /// A named counter of a process.
+    ///
+    /// ```
+    /// use stillmap_messages::{Counter, Text};
+    ///
+    /// let counter = Counter { name: Text::new("bad checksums"), value: 2 };
+    /// assert_eq!(counter.name.as_str(), "bad checksums");
+    /// ```
     pub struct Counter {
-        /// Its name, for example `bad checksums`.
+        /// Its name, such as `bad checksums`.
         pub name: Text<32>,
         /// Its value.
         pub value: u64,
     }
 
-    /// A sign of life from the work loop of a process.
+    /// A heartbeat from the work loop of a process, with its counters.
+    ///
+    /// ```
+    /// use stillmap_messages::{Heartbeat, Payload, Text};
+    ///
+    /// let mut heartbeat = Heartbeat { process: Text::new("std"), ..Heartbeat::default() };
+    /// assert_eq!(heartbeat.validate(), Ok(()));
+    /// heartbeat.inputs_count = 25;
+    /// assert_eq!(heartbeat.validate().unwrap_err().to_string(), "inputs_count is 25, expected at most 24");
+    /// ```
     pub struct Heartbeat {
         /// Name in the deployment.
         pub process: Text<32>,
-        /// What it is doing or missing, in words; empty when there is nothing to say.
+        /// A note on its state; may be empty.
         pub note: Text<128>,
-        /// Rounds of its work loop.
+        /// Number of steps of its work loop.
         pub progress: u64,
         /// Messages sent.
         pub sent: u64,
@@ -141,21 +187,35 @@ plain! {
         pub phase: u32,
     }
 
-    /// How far a process has answered its source stream: what lockstep playback waits for.
+    /// How far a process has answered its source stream. Playback in lockstep waits for it.
+    ///
+    /// ```
+    /// use stillmap_messages::{Progress, Text};
+    ///
+    /// let progress = Progress { process: Text::new("std"), service: Text::new("robot/scan"), answered: 41 };
+    /// assert_eq!(progress.answered, 41);
+    /// ```
     pub struct Progress {
         /// Name in the deployment.
         pub process: Text<32>,
         /// The source stream.
         pub service: Text<32>,
-        /// Every message up to this one is answered for.
+        /// Every message up to this number is answered.
         pub answered: u64,
     }
 
     /// A line that a process, or the supervisor itself, has logged.
+    ///
+    /// ```
+    /// use stillmap_messages::{LogLevel, LogLine, Payload, Text};
+    ///
+    /// let line = LogLine { process: Text::new("std"), message: Text::new("resumes"), level: LogLevel::Info as u32, reserved: 0 };
+    /// assert_eq!(line.validate(), Ok(()));
+    /// ```
     pub struct LogLine {
         /// Name in the deployment; `supervisor` for the supervisor's own.
         pub process: Text<32>,
-        /// What it says, cut to what fits.
+        /// The text, cut to what fits.
         pub message: Text<480>,
         /// [`LogLevel`] as a number.
         pub level: u32,
@@ -164,14 +224,21 @@ plain! {
     }
 
     /// One process as the supervisor sees it.
+    ///
+    /// ```
+    /// use stillmap_messages::{ProcessState, ProcessStatus};
+    ///
+    /// let status = ProcessStatus { state: ProcessState::Finished as u32, ..ProcessStatus::default() };
+    /// assert!(status.is_over());
+    /// ```
     pub struct ProcessStatus {
         /// Name in the deployment.
         pub process: Text<32>,
-        /// The note of its last heartbeat, or why it is down.
+        /// The note of its last heartbeat, or the reason why it is down.
         pub note: Text<128>,
         /// Milliseconds since its last heartbeat; `u64::MAX` when there was none.
         pub heartbeat_age_ms: u64,
-        /// Messages taken, all inputs.
+        /// Messages received, all inputs.
         pub received: u64,
         /// Messages lost, all inputs.
         pub lost: u64,
@@ -179,15 +246,15 @@ plain! {
         pub refused: u64,
         /// Messages sent.
         pub sent: u64,
-        /// Messages taken a second, lately.
+        /// Messages received per second, recently.
         pub received_per_s: f64,
-        /// Messages sent a second, lately.
+        /// Messages sent per second, recently.
         pub sent_per_s: f64,
         /// Median latency of its busiest input, µs; 0 when none was measured.
         pub latency_median_us: u32,
-        /// What 99 % of the messages of that input stay within, µs; 0 when none was measured.
+        /// 99th percentile of the latency of that input, µs; 0 when none was measured.
         pub latency_p99_us: u32,
-        /// Share of one core, lately.
+        /// Share of one core, recently.
         pub cpu: f64,
         /// Resident memory, bytes.
         pub resident_bytes: u64,
@@ -199,11 +266,19 @@ plain! {
         pub pid: u32,
         /// [`ProcessState`] as a number.
         pub state: u32,
-        /// Times it was started again.
+        /// Number of restarts.
         pub restarts: u32,
     }
 
     /// The whole deployment as the supervisor sees it.
+    ///
+    /// ```
+    /// use stillmap_messages::{DeploymentStatus, ProcessStatus, Text};
+    ///
+    /// let mut status = DeploymentStatus { count: 1, ..DeploymentStatus::default() };
+    /// status.processes[0] = ProcessStatus { process: Text::new("std"), restarts: 1, ..ProcessStatus::default() };
+    /// assert_eq!(status.processes().iter().map(|process| process.restarts).sum::<u32>(), 1);
+    /// ```
     pub struct DeploymentStatus {
         /// Name of the deployment.
         pub deployment: Text<64>,
@@ -219,7 +294,7 @@ plain! {
 }
 
 impl ProcessStatus {
-    /// Whether it has finished or failed for good: it is not started again.
+    /// Whether it has finished or failed for good: it is not restarted.
     #[must_use]
     pub fn is_over(&self) -> bool {
         [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32).contains(&self.state)
@@ -261,7 +336,9 @@ impl DeploymentStatus {
         for process in &self.processes[..self.count as usize] {
             at_most("processes.state", process.state, 6, "0 to 6")?;
             at_most("processes.counters_count", process.counters_count, MAX_COUNTERS, "at most 16")?;
-            within("processes.cpu", process.cpu, 0.0, 1e4, "a share of one core")?;
+            within("processes.received_per_s", process.received_per_s, 0.0, 1e9, "0 to 1000000000 messages a second")?;
+            within("processes.sent_per_s", process.sent_per_s, 0.0, 1e9, "0 to 1000000000 messages a second")?;
+            within("processes.cpu", process.cpu, 0.0, 1e4, "0 to 10000 cores")?;
         }
         Ok(())
     }

@@ -5,6 +5,13 @@
 //! of the wire contract, go by [`Layout::SHAPE`].
 
 /// A type with a description of its layout in memory.
+///
+/// ```
+/// use stillmap_messages::{Layout, Pose, SonarReading};
+///
+/// assert_ne!(Pose::HASH, SonarReading::HASH);
+/// assert_eq!(Pose::SHAPE.size(), size_of::<Pose>());
+/// ```
 pub trait Layout {
     /// FNV-1a over the declaration: field names, types and order; equal hashes mean equal layouts.
     const HASH: u64;
@@ -21,7 +28,14 @@ pub trait Layout {
     const SHAPE: Shape;
 }
 
-/// What bytes of a payload stand for; numbers are little-endian on every machine that stillmap runs on.
+/// The type of a piece of a payload. Numbers are little-endian on every machine that stillmap runs on.
+///
+/// ```
+/// use stillmap_messages::{Layout, Shape, Text};
+///
+/// assert_eq!(<[f64; 3]>::SHAPE, Shape::Array(&Shape::F64, 3));
+/// assert_eq!(Text::<32>::SHAPE.size(), 32);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// An unsigned number of 8 bits.
@@ -32,17 +46,17 @@ pub enum Shape {
     U64,
     /// A signed number of 32 bits.
     I32,
-    /// A number of 32 bits by IEEE 754.
+    /// A float of 32 bits by IEEE 754.
     F32,
-    /// A number of 64 bits by IEEE 754.
+    /// A float of 64 bits by IEEE 754.
     F64,
-    /// UTF-8 text of at most so many bytes, padded with zeros.
+    /// UTF-8 text of at most this many bytes, padded with zeros.
     Text(usize),
-    /// So many values of one shape, without gaps.
+    /// Values of one shape, without gaps, and their number.
     Array(&'static Shape, usize),
     /// Fields, without gaps.
     Struct {
-        /// In the order in which they lie.
+        /// In their order in memory.
         fields: &'static [Field],
         /// Bytes of all of them.
         size: usize,
@@ -50,18 +64,26 @@ pub enum Shape {
 }
 
 /// A field of a payload or of a part of one.
+///
+/// ```
+/// use stillmap_messages::{Layout, SonarScan};
+///
+/// let readings = &SonarScan::SHAPE.fields()[1];
+/// assert_eq!((readings.name, readings.offset), ("readings", 24));
+/// assert_eq!(readings.count, Some(664), "the field `count` begins there");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Field {
     /// Its name.
     pub name: &'static str,
     /// What it means, with its unit.
     pub doc: &'static str,
-    /// Where it begins, bytes from the start of its struct.
+    /// Bytes from the start of its struct.
     pub offset: usize,
-    /// What it holds.
+    /// Its type.
     pub shape: Shape,
-    /// Of a list, which is a [`Shape::Array`]: where the `u32` field of the same struct begins that counts its entries. The rest
-    /// of the array is zero.
+    /// Of a list, which is a [`Shape::Array`]: the offset of the `u32` field of the same struct that counts its entries. The rest of
+    /// the array is zero.
     pub count: Option<usize>,
 }
 
@@ -84,7 +106,14 @@ impl Shape {
         }
     }
 
-    /// The fields of a struct; of anything else none.
+    /// The fields of a struct; empty for any other shape.
+    ///
+    /// ```
+    /// use stillmap_messages::{Layout, Pose};
+    ///
+    /// let names: Vec<&str> = Pose::SHAPE.fields().iter().map(|field| field.name).collect();
+    /// assert_eq!(names, ["x_m", "y_m", "yaw_rad"]);
+    /// ```
     #[must_use]
     pub const fn fields(&self) -> &'static [Field] {
         match self {

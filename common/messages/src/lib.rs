@@ -1,8 +1,29 @@
-//! The wire contract of stillmap: what the processes of a deployment say to each other.
+//! The wire contract of stillmap: the messages between the processes of a deployment.
 //!
-//! Every payload is a `repr(C)` struct of plain numbers and fixed arrays without padding, so that every bit pattern is a
-//! valid value of its type; what a value may *mean* is checked by [`Payload::validate`] on the reader's side. Name,
-//! version and quality of service stand beside each type ([`Service`]).
+//! # Where to start
+//!
+//! A driver publishes [`SonarScan`]s, with a camera also pictures on [`CameraFrame`]. It is a program of its own that uses this crate
+//! and `stillmap-runtime`, whose shell joins the deployment, sends the heartbeat and ends in order:
+//!
+//! - `examples/text_driver.rs` is a whole driver in 30 lines;
+//! - [`reference()`] is the contract as a page (`docs/wire.md`): the rules for a driver, and every field with its offset and range;
+//! - [`SERVICES`] is the registry: name, version and delivery of every [`Service`].
+//!
+//! ```
+//! use stillmap_messages::{Payload, Pose, SonarReading, SonarScan};
+//!
+//! // The robot stands at the origin. Its sonar 0, at the front, has an echo at 1.4 m.
+//! let reading = SonarReading::new(0, Pose::new(0.1, 0.0, 0.0), 1.4, true);
+//! let scan = SonarScan::new(Pose::default(), &[reading], false);
+//! assert_eq!(SonarScan::SERVICE.name, "robot/scan");
+//! // Readers refuse a message that does not pass this check.
+//! assert_eq!(scan.validate(), Ok(()));
+//! ```
+//!
+//! # Conventions
+//!
+//! Every payload is a `repr(C)` struct of plain numbers and fixed arrays without padding, so that every bit pattern is a valid value
+//! of its type. Readers check the ranges of the values with [`Payload::validate`].
 //!
 //! SI units: metres, radians, seconds; stamps are nanoseconds of sensor time since the Unix epoch (or since the start of an
 //! imported log that has no epoch). Frames: *map* (right-handed, origin where the run starts), *robot* (x forward, y left,
@@ -17,7 +38,10 @@ mod layout;
 mod map;
 mod motion;
 mod name;
+mod numbered;
 mod printable;
+mod range;
+mod reference;
 mod registry;
 mod scan;
 mod service;
@@ -38,6 +62,7 @@ pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE,
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
 pub use name::{Text, padded_text};
 pub use printable::printable;
+pub use reference::reference;
 pub use registry::{SERVICES, visit_services};
 pub use scan::{AFTER_DOUBT, AFTER_LOSS, MAX_READINGS, Pose, SonarReading, SonarScan};
 pub use service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};

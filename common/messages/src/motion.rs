@@ -1,16 +1,36 @@
-//! `motion/sonar` and `motion/camera`: what moves, as each sense sees it.
+//! `motion/sonar` and `motion/camera`: motion detected by the sonars and by the camera.
 
 use crate::layout::plain;
+use crate::numbered::numbered;
 use crate::service::{at_most, finite, within};
 use crate::{Invalid, MAX_READINGS};
 
 /// Most moving classes in one answer.
+///
+/// ```
+/// use stillmap_messages::{MAX_MOVERS, SonarMotion};
+///
+/// assert_eq!(SonarMotion::default().movers.len(), MAX_MOVERS);
+/// ```
 pub const MAX_MOVERS: usize = 16;
 /// Most blobs in one answer.
+///
+/// ```
+/// use stillmap_messages::{CameraMotion, MAX_BLOBS};
+///
+/// assert_eq!(CameraMotion::default().blobs.len(), MAX_BLOBS);
+/// ```
 pub const MAX_BLOBS: usize = 16;
 
 plain! {
     /// A class of cells that moves (`CELL_mov` of the paper's Table 1).
+    ///
+    /// ```
+    /// use stillmap_messages::Mover;
+    ///
+    /// let mover = Mover { map_x_m: 2.0, velocity_x_m_s: -0.8, cells: 40, readings: 0b101, track: 3, ..Mover::default() };
+    /// assert!(mover.readings & 1 << 2 != 0, "the third reading of the scan belongs to it");
+    /// ```
     pub struct Mover {
         /// Centroid in the robot frame, m.
         pub robot_x_m: f64,
@@ -28,11 +48,19 @@ plain! {
         pub cells: u32,
         /// Bit i set: reading i of the scan belongs to it.
         pub readings: u32,
-        /// Identity of its track; 0 when it has none yet.
+        /// Identity of its track; 0 before it has one.
         pub track: u64,
     }
 
-    /// The answer of STD to one scan, also when nothing moves; its sequence number is the scan's.
+    /// The answer of STD to a scan, also when nothing moves. It has the sequence number of the scan.
+    ///
+    /// ```
+    /// use stillmap_messages::{Mover, SonarMotion};
+    ///
+    /// let mut motion = SonarMotion { count: 1, ..SonarMotion::default() };
+    /// motion.movers[0] = Mover { map_x_m: 2.0, cells: 40, ..Mover::default() };
+    /// assert_eq!(motion.movers().len(), 1);
+    /// ```
     pub struct SonarMotion {
         /// The first `count` entries are movers, the rest is zero.
         pub movers: [Mover; MAX_MOVERS] => count,
@@ -43,6 +71,13 @@ plain! {
     }
 
     /// A moving region of the picture (`BLOB_mov`).
+    ///
+    /// ```
+    /// use stillmap_messages::Blob;
+    ///
+    /// let blob = Blob { left_px: 10, right_px: 30, top_px: 5, bottom_px: 65, size_px: 700, u_px: 20.0, v_px: 35.0, reserved: 0 };
+    /// assert_eq!((blob.right_px - blob.left_px, blob.bottom_px - blob.top_px), (20, 60));
+    /// ```
     pub struct Blob {
         /// Centroid, px from the left.
         pub u_px: f32,
@@ -62,7 +97,16 @@ plain! {
         pub reserved: u32,
     }
 
-    /// The answer of SBS to one frame; its sequence number is the frame's.
+    /// The answer of SBS to a frame. It has the sequence number of the frame.
+    ///
+    /// ```
+    /// use stillmap_messages::{Blob, CameraMotion, CameraStatus, Payload};
+    ///
+    /// let mut motion = CameraMotion { count: 1, width: 320, height: 240, status: CameraStatus::Compensated as u32, ..CameraMotion::default() };
+    /// motion.transform = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    /// motion.blobs[0] = Blob { left_px: 10, right_px: 30, bottom_px: 65, u_px: 20.0, v_px: 35.0, ..Blob::default() };
+    /// assert_eq!(motion.validate(), Ok(()));
+    /// ```
     pub struct CameraMotion {
         /// Maps a pixel of the current frame to the background frame, row by row, homogeneous (section 5.1 of the paper).
         pub transform: [f64; 9],
@@ -83,31 +127,23 @@ plain! {
     }
 }
 
-/// How a frame was taken.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum CameraStatus {
-    /// Blobs are what moves.
-    Compensated = 0,
-    /// The model is still being learned; no blobs.
-    Learning = 1,
-    /// The camera's own motion was not found; no blobs.
-    NotCompensated = 2,
-    /// The frame was refused (size, values or time); no blobs.
-    Refused = 3,
-}
-
-impl CameraStatus {
-    /// The status a number stands for, if any.
-    #[must_use]
-    pub fn from_number(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::Compensated),
-            1 => Some(Self::Learning),
-            2 => Some(Self::NotCompensated),
-            3 => Some(Self::Refused),
-            _ => None,
-        }
+numbered! {
+    /// Result of SBS for a frame.
+    ///
+    /// ```
+    /// use stillmap_messages::CameraStatus;
+    ///
+    /// assert_eq!(CameraStatus::from_number(1), Some(CameraStatus::Learning));
+    /// ```
+    pub enum CameraStatus {
+        /// The camera motion is compensated; the blobs are what moves.
+        Compensated = 0,
+        /// The model is still being learned; no blobs.
+        Learning = 1,
+        /// The camera motion was not found; no blobs.
+        NotCompensated = 2,
+        /// The frame was refused (size, values or time); no blobs.
+        Refused = 3,
     }
 }
 

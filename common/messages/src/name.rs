@@ -3,6 +3,13 @@
 use crate::layout::{FNV_OFFSET, Layout, Shape, mix};
 
 /// UTF-8 text of at most `N` bytes, padded with zeros.
+///
+/// ```
+/// use stillmap_messages::Text;
+///
+/// assert_eq!(Text::<8>::new("mapping").as_str(), "mapping");
+/// assert_eq!(Text::<4>::new("mapping").as_str(), "mapp");
+/// ```
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(transparent)]
 pub struct Text<const N: usize>([u8; N]);

@@ -22,11 +22,11 @@ macro_rules! services {
         ///
         /// ```
         /// let scans = stillmap_messages::SERVICES.iter().find(|service| service.name == "robot/scan").expect("declared");
-        /// assert_eq!(scans.doc, "What the sonars measured since the last packet, with the robot's pose.");
+        /// assert_eq!(scans.doc, "The sonar readings since the last packet, with the pose of the robot.");
         /// ```
         pub const SERVICES: &[Service] = &[$(services!(@service $kind $ty)),*];
 
-        /// Has the visitor do its work for every service of the bus.
+        /// Calls the visitor for every service of the bus.
         ///
         /// ```
         /// use stillmap_messages::{Payload, Pictures, ServiceVisitor, visit_services};
@@ -54,7 +54,7 @@ macro_rules! services {
         /// ```
         ///
         /// # Errors
-        /// The first that the visitor returns.
+        /// The first error that the visitor returns.
         pub fn visit_services<V: ServiceVisitor>(visitor: &mut V) -> Result<(), V::Error> {
             $(services!(@visit visitor $kind $ty)?;)*
             Ok(())
@@ -119,7 +119,7 @@ impl Service {
 /// A process may read every service, and its heartbeat counts for each of them.
 const _: () = assert!(SERVICES.len() <= crate::MAX_INPUTS);
 
-/// What a restart relies on, for every service that is played back.
+/// The conditions for exact restarts, for every service that is played back.
 const _: () = {
     let mut at = 0;
     while at < SERVICES.len() {
@@ -136,10 +136,12 @@ const _: () = {
 };
 
 services! {
-    /// What the sonars measured since the last packet, with the robot's pose.
+    /// The sonar readings since the last packet, with the pose of the robot.
     message SonarScan {
         name: "robot/scan",
         version: 2,
+        from: &["pioneer", "playback"],
+        to: &["mapping", "std", "fti", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -149,10 +151,12 @@ services! {
         shown: true,
     }
 
-    /// What the camera sees.
+    /// Pictures of the camera.
     pictures CameraFrame (MAX_FRAME_BYTES) {
         name: "camera/frame",
         version: 1,
+        from: &["camera", "simulator", "playback"],
+        to: &["sbs", "recorder", "viewer"],
         qos: Qos::PICTURES,
         wakes: true,
         sequenced: true,
@@ -162,10 +166,12 @@ services! {
         shown: true,
     }
 
-    /// What moves, as the sonars see it: the answer of STD to the scan of the same number.
+    /// Motion detected by the sonars: the answer of STD to the scan of the same number.
     message SonarMotion {
         name: "motion/sonar",
         version: 1,
+        from: &["std"],
+        to: &["fti", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -175,10 +181,12 @@ services! {
         shown: true,
     }
 
-    /// What moves, as the camera sees it: the answer of SBS to the frame of the same number. Played back where no SBS runs.
+    /// Motion detected by the camera: the answer of SBS to the frame of the same number. It is played back where no SBS runs.
     message CameraMotion {
         name: "motion/camera",
         version: 1,
+        from: &["sbs", "simulator", "playback"],
+        to: &["fti", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -188,10 +196,12 @@ services! {
         shown: true,
     }
 
-    /// What FTI decides on the scan of the same number: the readings that are kept out of the map.
+    /// The verdict of FTI on the scan of the same number: the readings that are withheld from the map.
     message FilterVerdict {
         name: "map/verdict",
         version: 2,
+        from: &["fti"],
+        to: &["mapping", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -205,6 +215,8 @@ services! {
     message Walkers {
         name: "motion/walkers",
         version: 1,
+        from: &["fti"],
+        to: &["recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -214,10 +226,12 @@ services! {
         shown: true,
     }
 
-    /// What the simulator knows of the scan of the same number: poses, walkers and the cause of each reading.
+    /// The truth of a simulated scan of the same number: poses, walkers and the cause of each reading.
     message TruthScan {
         name: "truth/scan",
         version: 1,
+        from: &["simulator"],
+        to: &["recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -227,10 +241,12 @@ services! {
         shown: true,
     }
 
-    /// What the simulator knows of the frame of the same number, in the labels of the ChangeDetection benchmark.
+    /// The truth of a simulated frame of the same number, in the labels of the ChangeDetection benchmark.
     pictures TruthMask (MAX_FRAME_BYTES / 3) {
         name: "truth/mask",
         version: 1,
+        from: &["simulator"],
+        to: &["recorder"],
         qos: Qos::PICTURES,
         wakes: true,
         sequenced: true,
@@ -240,10 +256,12 @@ services! {
         shown: false,
     }
 
-    /// The speed that a viewer asks of playback; the newest message holds.
+    /// The speed of playback that a viewer requests; the newest message holds.
     message PlaybackControl {
         name: "control/playback",
         version: 1,
+        from: &["viewer"],
+        to: &["playback", "recorder"],
         qos: Qos::NEWEST,
         wakes: true,
         sequenced: false,
@@ -253,10 +271,12 @@ services! {
         shown: false,
     }
 
-    /// What FTI would decide now on the scans without a verdict; the newest message holds.
+    /// The verdicts that FTI would give now on the pending scans; the newest message holds.
     message VerdictOutlook {
         name: "map/outlook",
         version: 1,
+        from: &["fti"],
+        to: &["mapping", "recorder"],
         qos: Qos::NEWEST,
         wakes: true,
         sequenced: false,
@@ -270,6 +290,8 @@ services! {
     message MapTile {
         name: "map/tile",
         version: 1,
+        from: &["mapping"],
+        to: &["recorder", "viewer", "command"],
         qos: Qos { history: 0, buffer: 512, publishers: 3, subscribers: 12 },
         wakes: true,
         sequenced: false,
@@ -283,6 +305,8 @@ services! {
     message WayChunk {
         name: "map/way",
         version: 1,
+        from: &["mapping"],
+        to: &["recorder", "viewer", "command"],
         qos: Qos { history: 0, buffer: 64, publishers: 3, subscribers: 12 },
         wakes: true,
         sequenced: false,
@@ -296,6 +320,8 @@ services! {
     message MapSummary {
         name: "map/summary",
         version: 1,
+        from: &["mapping"],
+        to: &["recorder", "supervisor"],
         qos: Qos::NEWEST,
         wakes: true,
         sequenced: false,
@@ -305,10 +331,12 @@ services! {
         shown: false,
     }
 
-    /// That the work loop of a process runs, with its counters.
+    /// A heartbeat from the work loop of a process, with its counters.
     message Heartbeat {
         name: "health/heartbeat",
         version: 3,
+        from: &["every process"],
+        to: &["supervisor", "recorder", "viewer"],
         qos: Qos::REPORTS,
         wakes: false,
         sequenced: false,
@@ -318,10 +346,12 @@ services! {
         shown: true,
     }
 
-    /// How far a process has answered a source stream: lockstep goes by it.
+    /// How far a process has answered a source stream. Playback in lockstep waits for it.
     message Progress {
         name: "health/progress",
         version: 1,
+        from: &["consumers of a replay"],
+        to: &["playback", "recorder"],
         qos: Qos::REPORTS,
         wakes: true,
         sequenced: false,
@@ -335,6 +365,8 @@ services! {
     message DeploymentStatus {
         name: "health/status",
         version: 2,
+        from: &["supervisor"],
+        to: &["every process", "recorder", "viewer", "command"],
         qos: Qos::NEWEST,
         wakes: true,
         sequenced: false,
@@ -348,6 +380,8 @@ services! {
     message LogLine {
         name: "health/log",
         version: 1,
+        from: &["supervisor"],
+        to: &["recorder", "viewer"],
         qos: Qos { history: 64, buffer: 256, publishers: 3, subscribers: 12 },
         wakes: true,
         sequenced: false,
@@ -361,6 +395,8 @@ services! {
     message TruthSurfaces {
         name: "truth/surfaces",
         version: 1,
+        from: &["simulator"],
+        to: &["recorder", "viewer"],
         qos: Qos { history: 32, buffer: 64, publishers: 3, subscribers: 8 },
         wakes: true,
         sequenced: false,
@@ -370,11 +406,13 @@ services! {
         shown: true,
     }
 
-    /// Where SBS sees something move in the frame of the same number: 255 there, 0 elsewhere. Made only while it is read,
-    /// so that it is not recorded; a replay of the frames makes it again.
+    /// Where SBS detects motion in the frame of the same number: 255 there, 0 elsewhere. It is made only while it is read and not
+    /// recorded; a replay of the frames makes it again.
     pictures CameraMask (MAX_FRAME_BYTES / 3) {
         name: "camera/mask",
         version: 1,
+        from: &["sbs"],
+        to: &["viewer"],
         qos: Qos::PREVIEW,
         wakes: true,
         sequenced: true,
@@ -384,11 +422,13 @@ services! {
         shown: true,
     }
 
-    /// The picture without what moves, as SBS models it. Made only while it is read, so that it is not recorded; a replay of
-    /// the frames makes it again.
+    /// The picture without what moves, as SBS models it. It is made only while it is read and not recorded; a replay of the frames
+    /// makes it again.
     pictures CameraBackground (MAX_FRAME_BYTES / 3) {
         name: "camera/background",
         version: 1,
+        from: &["sbs"],
+        to: &[],
         qos: Qos::PREVIEW,
         wakes: true,
         sequenced: true,

@@ -1,11 +1,11 @@
-//! What a service on the bus is, and the traits that bind it to what it carries.
+//! The declaration of a service on the bus, and the traits that bind it to its payload.
 
 use crate::Layout;
 use crate::delivery::{Qos, Replay};
 
-/// A service on the bus: what it is called, how it delivers, and what the tools do with it.
+/// A service on the bus: its name, its delivery, and what the tools do with it.
 ///
-/// All of them are declared in the registry, `registry.rs`.
+/// All of them are declared in `registry.rs`.
 ///
 /// ```
 /// use stillmap_messages::{Payload, SonarScan};
@@ -22,16 +22,20 @@ pub struct Service {
     pub version: u32,
     /// What it carries, in one or two sentences.
     pub doc: &'static str,
+    /// The built-in processes that send it. A command may send it in place of them.
+    pub from: &'static [&'static str],
+    /// The built-in processes that read it; `command` is the command, when it looks at a running deployment.
+    pub to: &'static [&'static str],
     /// How many messages it keeps and how many processes may use it.
     pub qos: Qos,
-    /// Whether a send wakes the readers; without it a reader looks when it has its own reason to.
+    /// Whether a send wakes the readers. Without it a reader reads when it has another reason to run.
     pub wakes: bool,
-    /// Whether a reader follows one numbered stream: drops what it has already received, counts what is missing, refuses stamps
-    /// that run backwards. Otherwise every message stands for itself (several senders, or the newest wins).
+    /// Whether a reader follows one numbered stream: it drops what it has already received, counts what is missing, and refuses
+    /// stamps that decrease. Otherwise every message stands for itself: there are several senders, or only the newest matters.
     pub sequenced: bool,
     /// Whether and how the recorder writes it to the log.
     pub recorded: Recorded,
-    /// How playback sends it from a log; None where it is not played.
+    /// How playback sends it from a log; `None` where it is not played.
     pub replay: Option<Replay>,
     /// Whether it can go through the injector, which loses, delays and damages messages on purpose.
     pub injectable: bool,
@@ -40,17 +44,24 @@ pub struct Service {
 }
 
 /// Whether and how the recorder writes a service to the log.
+///
+/// ```
+/// use stillmap_messages::{Heartbeat, Payload, Recorded, SonarScan};
+///
+/// assert_eq!(SonarScan::SERVICE.recorded, Recorded::AtStamp);
+/// assert_eq!(Heartbeat::SERVICE.recorded, Recorded::AsReport);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Recorded {
     /// Not at all.
     No,
     /// At its stamp, which is sensor time.
     AtStamp,
-    /// Among the sensor messages that came before it: it is about the deployment, and its stamp is none or that of the wall clock.
+    /// Where it arrives among the sensor messages: it is about the deployment, and its stamp is not sensor time.
     AsReport,
 }
 
-/// What travels on a service.
+/// The payload of a service.
 ///
 /// Implemented by the registry for each of its entries, and by nothing else.
 ///
@@ -64,7 +75,7 @@ pub trait Payload: bytemuck::Pod + Layout + Default + core::fmt::Debug {
     /// The service that carries this payload.
     const SERVICE: Service;
 
-    /// Checks what the type cannot say: counts within arrays, numbers finite, ranges.
+    /// Checks what the type cannot express: counts within arrays, finite numbers, ranges.
     ///
     /// # Errors
     /// The first field that is out of range, with what was found and expected.
@@ -86,6 +97,30 @@ pub trait Pictures: core::fmt::Debug + 'static {
 }
 
 /// Work to be done for every service of the registry: see [`visit_services`](crate::visit_services).
+///
+/// ```
+/// use stillmap_messages::{Payload, Pictures, ServiceVisitor, visit_services};
+///
+/// struct Names(Vec<&'static str>);
+///
+/// impl ServiceVisitor for Names {
+///     type Error = core::convert::Infallible;
+///
+///     fn message<T: Payload>(&mut self) -> Result<(), Self::Error> {
+///         self.0.push(T::SERVICE.name);
+///         Ok(())
+///     }
+///
+///     fn pictures<P: Pictures>(&mut self) -> Result<(), Self::Error> {
+///         self.0.push(P::SERVICE.name);
+///         Ok(())
+///     }
+/// }
+///
+/// let mut names = Names(Vec::new());
+/// let Ok(()) = visit_services(&mut names);
+/// assert!(names.0.contains(&"robot/scan") && names.0.contains(&"camera/frame"));
+/// ```
 pub trait ServiceVisitor {
     /// What ends the visit.
     type Error;
@@ -93,17 +128,26 @@ pub trait ServiceVisitor {
     /// A service that carries messages.
     ///
     /// # Errors
-    /// Whatever ends the visit.
+    /// Anything that ends the visit.
     fn message<T: Payload>(&mut self) -> Result<(), Self::Error>;
 
     /// A service that carries pictures.
     ///
     /// # Errors
-    /// Whatever ends the visit.
+    /// Anything that ends the visit.
     fn pictures<P: Pictures>(&mut self) -> Result<(), Self::Error>;
 }
 
 /// A payload with a number that is out of range.
+///
+/// ```
+/// use stillmap_messages::{Payload, Pose, SonarReading, SonarScan};
+///
+/// let reading = SonarReading::new(0, Pose::default(), 12.0, true);
+/// let invalid = SonarScan::new(Pose::default(), &[reading], false).validate().unwrap_err();
+/// assert_eq!(invalid.field, "readings.range_m");
+/// assert_eq!(invalid.to_string(), "readings.range_m is 12, expected 0 to 10 m");
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{field} is {found}, expected {expected}")]
 pub struct Invalid {

@@ -144,7 +144,7 @@ mod tests {
     /// consumer's checkpoint, what it lacks is sent again, something is new to it, and all of it fits the history that it finds
     /// when it comes later.
     fn check_restarts(stream: usize, log: &[u64], lives: &[usize], window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
-        let Stream { history, replay: Replay { spare, .. }, .. } = STREAMS[stream];
+        let Stream { history, replay: Replay { lead, .. }, .. } = STREAMS[stream];
         let up_to = |seq: u64| log.partition_point(|it| *it <= seq);
         let (mut first, mut sent) = (0, 0);
         let mut resume = Resume::default();
@@ -155,7 +155,7 @@ mod tests {
             }
             resume = Resume::from_bytes(&resume.to_bytes()).unwrap();
             first = up_to(resume.begin_behind[stream]);
-            let last = up_to(resume.reserved[stream]) + spare as usize;
+            let last = up_to(resume.reserved[stream]) + lead as usize;
             let lacking = (behind % (window + interval)) as usize;
             prop_assert!(first <= sent.saturating_sub(lacking), "begins with message {first} of {sent}, and {lacking} are lacking");
             prop_assert!(last > sent, "nothing is new up to message {last} of {sent}");

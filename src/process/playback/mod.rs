@@ -92,7 +92,7 @@ impl Opening<'_> {
             assumed,
             answers: Answers::new(consumers(self.settings, service.name)),
             window: (self.settings.pace == Pace::Lockstep)
-                .then(|| Window::new(if self.restarted { window.min(of.replay.spare) } else { window })),
+                .then(|| Window::new(if self.restarted { window.min(of.replay.lead) } else { window })),
             size: window,
             last: (0, 0),
             sent: 0,
