@@ -1,7 +1,7 @@
 //! A domain: the place where one deployment lives, and nobody else.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{self, Write};
 use std::os::fd::BorrowedFd;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +55,9 @@ pub struct Domain {
     run: Run,
     /// Services whose messages go through a process between their publishers and their readers.
     routed: Vec<String>,
-    _lock: File,
+    lock: File,
+    /// What is there as long as the bus is.
+    made: Vec<PathBuf>,
 }
 
 impl Claim {
@@ -98,9 +100,8 @@ impl Claim {
     /// # Errors
     /// When memory or the file system refuse.
     pub fn open(self, run: Run, routed: &[&str]) -> Result<Domain, DomainError> {
-        let Self { paths, mut lock, clock } = self;
-        let io = |source| DomainError::Io { path: paths.lock.clone(), source };
-        lock.set_len(0).and_then(|()| write!(lock, "{} {:016x}", std::process::id(), run.number)).map_err(io)?;
+        let Self { paths, lock, clock } = self;
+        sign(&lock, &run).map_err(|source| DomainError::Io { path: paths.lock.clone(), source })?;
         let mut domain = Domain {
             paths,
             ports: None,
@@ -108,7 +109,8 @@ impl Claim {
             clock: clock.not_before(run.not_before_ns),
             run,
             routed: routed.iter().map(|name| (*name).to_owned()).collect(),
-            _lock: lock,
+            lock,
+            made: Vec::new(),
         };
         if let Err(error) = domain.rebuild() {
             domain.release();
@@ -137,6 +139,7 @@ impl Domain {
     /// As [`Domain::open`].
     pub fn rebuild(&mut self) -> Result<(), DomainError> {
         self.release();
+        self.lock_again()?;
         let io = |source| DomainError::Io { path: self.paths.directory.clone(), source };
         self.paths.wipe_bus().map_err(io)?;
         make_private(&self.paths.directory).map_err(io)?;
@@ -147,7 +150,29 @@ impl Domain {
         self.services = creation.services;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         self.ports = Some(Ports::new(fabric, self.run.number, Place::Supervisor));
+        self.made = self.paths.of_the_bus().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         Ok(())
+    }
+
+    /// A file or folder of the domain that another program has removed. What runs continues without it, but no process can join.
+    #[must_use]
+    pub fn removed(&self) -> Option<&Path> {
+        let lock = Some(&self.paths.lock).filter(|path| !is_current(&self.lock, path));
+        lock.or_else(|| self.made.iter().find(|path| !path.exists())).map(PathBuf::as_path)
+    }
+
+    /// Makes and takes the lock again where its file was removed: other supervisors are kept out, and commands find the run.
+    ///
+    /// # Errors
+    /// When another supervisor was faster, or the file system refuses.
+    pub fn lock_again(&mut self) -> Result<(), DomainError> {
+        if is_current(&self.lock, &self.paths.lock) {
+            return Ok(());
+        }
+        let io = |source| DomainError::Io { path: self.paths.lock.clone(), source };
+        self.paths.lock.parent().map_or(Ok(()), make_private).map_err(io)?;
+        self.lock = take_lock(&self.paths)?;
+        sign(&self.lock, &self.run).map_err(io)
     }
 
     /// Fails if shared memory has no room for a deployment of so many processes whose pictures have at most `picture_bytes` bytes.
@@ -167,6 +192,12 @@ impl Domain {
     #[must_use]
     pub fn directory(&self) -> &Path {
         &self.paths.directory
+    }
+
+    /// The folder of checkpoints.
+    #[must_use]
+    pub fn state(&self) -> &Path {
+        &self.run.state
     }
 
     /// The number of the run, in the header of every message.
@@ -251,6 +282,12 @@ impl Domain {
     fn ports(&mut self) -> Result<&mut Ports, BusError> {
         self.ports.as_mut().ok_or(BusError::NoService { service: "any" })
     }
+}
+
+/// Says in the lock file which process holds it, and for which run.
+fn sign(mut lock: &File, run: &Run) -> io::Result<()> {
+    lock.set_len(0)?;
+    write!(lock, "{} {:016x}", std::process::id(), run.number)
 }
 
 /// Creates every service of the registry.

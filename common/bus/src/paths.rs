@@ -93,6 +93,16 @@ impl DomainPaths {
         Ok(())
     }
 
+    /// The folders of the domain, and the files of its services. To be called while no process has joined.
+    pub(crate) fn of_the_bus(&self) -> io::Result<Vec<PathBuf>> {
+        let prefix = self.prefix();
+        let in_memory = std::fs::read_dir("/dev/shm")?.flatten();
+        let in_memory = in_memory.filter(|entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()));
+        let services = std::fs::read_dir(self.root().join("services")).into_iter().flatten().flatten();
+        let folders = [self.directory.clone(), self.root()].into_iter();
+        Ok(folders.chain(in_memory.chain(services).map(|entry| entry.path())).collect())
+    }
+
     /// Removes everything the domain ever put anywhere. Only while nothing lives in it.
     pub(crate) fn wipe(&self) -> io::Result<()> {
         self.wipe_bus()?;

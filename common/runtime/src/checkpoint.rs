@@ -7,6 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 use bus::{Membership, make_private};
 
@@ -15,6 +16,8 @@ use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
 
 /// A checkpoint in parts is appended to until it is this much longer than twice what it was when it was written whole.
 const APPENDED: u64 = 64 * 1024;
+/// How often the file is looked for: a process that is killed in between, after its checkpoint was removed, begins anew.
+const LOOK: Duration = Duration::from_millis(200);
 /// What is written at once: a few parts of a map.
 const BUFFER: usize = 64 * 1024;
 
@@ -30,6 +33,8 @@ pub struct Checkpoint {
     incarnation: u32,
     /// The file as this incarnation has left it.
     journal: Option<Journal>,
+    /// When the file was last looked for.
+    looked: Instant,
     save_error: SaveError,
 }
 
@@ -87,6 +92,7 @@ impl Checkpoint {
             start: membership.start(),
             incarnation: membership.incarnation(),
             journal: None,
+            looked: Instant::now(),
             save_error,
         }
     }
@@ -125,6 +131,16 @@ impl Checkpoint {
             Err(error) => tracing::error!("begins anew: {path} cannot be used ({problem}), and not be put aside: {error}"),
         }
         None
+    }
+
+    /// Whether the file is missing although it can be written, as when a cleaner has removed its folder: then the state is saved at the
+    /// next message, whatever the interval is. Looks at most once in [`LOOK`].
+    pub fn is_missing(&mut self) -> bool {
+        if self.looked.elapsed() < LOOK {
+            return false;
+        }
+        self.looked = Instant::now();
+        self.save_error.borrow().is_none() && !self.path.exists()
     }
 
     /// Replaces what was saved before. After a kill at any moment, either the old or the new state is there. Where the file system
@@ -286,7 +302,16 @@ pub(crate) mod tests {
     pub(crate) fn checkpoint(state: &Path, run: u64, start: u32) -> Checkpoint {
         let file = |folder: &Path| folder.join("mapping.checkpoint");
         let fallback_path = Some(file(&state.with_extension("domain").join("state")));
-        Checkpoint { path: file(state), fallback_path, run, start, incarnation: 1, journal: None, save_error: SaveError::default() }
+        Checkpoint {
+            path: file(state),
+            fallback_path,
+            run,
+            start,
+            incarnation: 1,
+            journal: None,
+            looked: Instant::now(),
+            save_error: SaveError::default(),
+        }
     }
 
     type Kept = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
@@ -437,6 +462,27 @@ pub(crate) mod tests {
         std::fs::write(&checkpoint.path, b"somebody else's").expect("written");
         checkpoint.save_parts(b"third", &mut numbers);
         assert_eq!(load(&checkpoint), numbers.kept(b"third"));
+    }
+
+    #[test]
+    fn a_removed_file_is_missing_until_it_is_saved_again() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let is_missing = |checkpoint: &mut Checkpoint| {
+            checkpoint.looked -= LOOK;
+            checkpoint.is_missing()
+        };
+        checkpoint.save(b"first");
+        assert!(!is_missing(&mut checkpoint));
+        std::fs::remove_dir_all(&folder).expect("removed");
+        assert!(is_missing(&mut checkpoint));
+        assert!(!checkpoint.is_missing(), "it has just been looked for");
+        checkpoint.save(b"second");
+        assert!(!is_missing(&mut checkpoint));
+        std::fs::remove_dir_all(&folder).expect("removed");
+        *checkpoint.save_error.borrow_mut() = Some("the disk is full".to_owned());
+        assert!(!is_missing(&mut checkpoint), "it cannot be saved");
     }
 
     #[test]

@@ -104,7 +104,7 @@ impl Process for Integration {
         let more = self.take_inputs()?;
         self.advance()?;
         context.answered::<SonarScan>(self.fti.last_scan().map_or(0, |(seq, _)| seq));
-        if self.place.scan >= self.checkpointed + Replay::SCANS.checkpoint {
+        if self.place.scan >= self.checkpointed + Replay::SCANS.checkpoint || self.checkpoint.is_missing() {
             self.save()?;
         }
         self.say(context, more);

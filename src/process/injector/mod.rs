@@ -195,7 +195,7 @@ impl Injector {
                 *stamp_ns = relay.first_ns().unwrap_or(*stamp_ns);
             }
         }
-        if first_ns != self.saved_ns {
+        if first_ns != self.saved_ns || self.checkpoint.is_missing() {
             let bytes: Vec<u8> = first_ns.iter().flat_map(|stamp_ns| stamp_ns.to_le_bytes()).collect();
             self.checkpoint.save(&bytes);
             self.saved_ns = first_ns;

@@ -149,7 +149,7 @@ impl Mapping {
                 }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
                 self.note(taken);
-                if seq >= self.checkpointed + Replay::SCANS.checkpoint {
+                if seq >= self.checkpointed + Replay::SCANS.checkpoint || self.checkpoint.is_missing() {
                     self.save()?;
                 }
             }

@@ -249,7 +249,7 @@ impl Playback {
                 return Ok(wait);
             }
             self.resume.schedule = Some(schedule);
-            if self.resume.reserve(lane.stream, seq) | is_new {
+            if self.resume.reserve(lane.stream, seq) | is_new | self.checkpoint.is_missing() {
                 self.checkpoint.save(&self.resume.to_bytes());
             }
             lane.send(seq, stamp_ns)?;

@@ -158,7 +158,7 @@ impl Recorder {
         self.note_result(result);
         // Acknowledged whether or not the write succeeded: a full disk must not stop a run in lockstep.
         self.unwritten = PerStream::default();
-        if self.written != self.last {
+        if self.written != self.last || self.checkpoint.is_missing() {
             self.written = self.last;
             // Without it a restarted recorder is sent messages again that are in the log.
             self.checkpoint.save(&self.written.to_bytes());

@@ -155,7 +155,7 @@ impl Subtraction {
         self.counts.blobs += u64::from(answer.motion.count);
         self.send(place, answer.motion)?;
         self.show()?;
-        if place.seq >= self.checkpointed + Replay::FRAMES.checkpoint {
+        if place.seq >= self.checkpointed + Replay::FRAMES.checkpoint || self.checkpoint.is_missing() {
             self.save()?;
         }
         Ok(())

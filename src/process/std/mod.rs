@@ -117,7 +117,7 @@ impl Difference {
         self.movers += u64::from(motion.count);
         self.recent.note(seq, stamp_ns, &motion);
         self.motions.send(seq, stamp_ns, &motion)?;
-        if seq >= self.checkpointed + Replay::SCANS.checkpoint {
+        if seq >= self.checkpointed + Replay::SCANS.checkpoint || self.checkpoint.is_missing() {
             self.save()?;
         }
         Ok(())
