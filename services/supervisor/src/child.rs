@@ -1,4 +1,4 @@
-//! A child process: started, listened to, signalled, buried.
+//! A child process: start, output, signals, end.
 
 use crate::leftovers::{Origin, kill_descendants};
 use crate::lifecycle::Exit;
@@ -11,10 +11,10 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Command, ExitStatus, Stdio};
 
-/// Exit code by which a process says that its settings, world or log cannot be used.
+/// Exit code of a process whose settings, world or log cannot be used.
 pub const EXIT_BAD_INPUT: u8 = 2;
 
-/// Most bytes that are taken from a child in one round: one that floods its log holds up nobody.
+/// Most bytes that are taken from a child in one round: one that floods its log does not hold up the others.
 const ROUND_BYTES: usize = 64 * 1024;
 
 /// A child in a process group of its own that dies when the thread that started it ends, however that comes about.
@@ -97,7 +97,7 @@ impl Child {
 
     /// How the child ended, which it has; what it had started ends with it, and what it wrote last is taken. `before` is called when
     /// nothing of it runs any more, while its process id is still its own.
-    pub(crate) fn bury(&mut self, origin: Origin<'_>, each: impl FnMut(&str), before: impl FnOnce(u32)) -> io::Result<Exit> {
+    pub(crate) fn reap(&mut self, origin: Origin<'_>, each: impl FnMut(&str), before: impl FnOnce(u32)) -> io::Result<Exit> {
         self.signal(Signal::KILL);
         kill_descendants(origin);
         self.read_output(each);
@@ -105,7 +105,7 @@ impl Child {
         Ok(exit(self.child.wait()?))
     }
 
-    /// Whether it has ended; it is there until it is buried.
+    /// Whether it has ended; it is there until it is reaped.
     pub(crate) fn has_ended(&self) -> io::Result<bool> {
         use rustix::process::{WaitId, WaitIdOptions, waitid};
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;

@@ -5,12 +5,12 @@
 //! | phase | what happens |
 //! | --- | --- |
 //! | running | processes start one after the other, each when the one before has given a sign of life; what dies or hangs starts again |
-//! | draining | the sources are asked to stop, and stay until what they have said has been taken; everything else ends by itself once its inputs have ended; what dies still starts again, a source to say the end of its streams |
+//! | draining | the sources are asked to stop, and stay until what they have published has been taken; everything else ends by itself once its inputs have ended; what dies still starts again, a source to publish the end of its streams |
 //! | stopping | what is left is asked to stop, the last started first, one at a time; what does not is killed |
 //! | over | nothing runs |
 //!
 //! The exception is *rebuilding*: a child that finds the shared memory broken makes the supervisor kill everything, make
-//! the domain anew, and go back to running; the processes go on from their checkpoints.
+//! the domain anew, and go back to running; the processes resume from their checkpoints.
 
 use crate::events::{Action, Ending, Event, Notice, Standstill};
 use crate::lifecycle::{Exit, Lifecycle, Plan, Role, State};
@@ -20,7 +20,7 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Running,
-    Rebuilding { asked: bool },
+    Rebuilding { asked: bool, drains: bool },
     Draining { began: Duration, quiet_since: Duration },
     Stopping,
     Over,
@@ -53,7 +53,7 @@ impl Deployment {
         &self.processes
     }
 
-    /// Why the run ends or has ended; `None` while it goes on.
+    /// Why the run ends or has ended; `None` while it runs.
     #[must_use]
     pub fn ending(&self) -> Option<Ending> {
         self.ending
@@ -79,17 +79,18 @@ impl Deployment {
 
     /// Takes one event and says what to do, in order.
     ///
-    /// Only [`Event::Tick`] lets time run out for anybody: all that was said before it has to be fed before it.
+    /// Only [`Event::Tick`] ends a deadline: all that was received before it has to be fed before it.
     pub fn step(&mut self, event: Event, now: Duration) -> Vec<Action> {
         let mut actions = Vec::new();
         let ticks = event == Event::Tick;
         match event {
-            Event::Heartbeat { process, work, ending } => self.hear(process, work, ending, now, &mut actions),
-            Event::Exited { process, exit } => self.bury(process, exit, now, &mut actions),
-            Event::Rebuilt if matches!(self.phase, Phase::Rebuilding { .. }) => self.phase = Phase::Running,
-            Event::StopAsked => self.hurry(now, &mut actions),
+            Event::Heartbeat { process, work, ending } => self.on_heartbeat(process, work, ending, now, &mut actions),
+            Event::Exited { process, exit } => self.on_exit(process, exit, now, &mut actions),
+            Event::Rebuilt => self.start_anew(now),
+            Event::DomainLost => self.begin_rebuild(now, &mut actions),
+            Event::StopAsked => self.on_stop_request(now, &mut actions),
             Event::StoodStill(standstill) => self.give_time_again(standstill, now, &mut actions),
-            Event::Rebuilt | Event::Tick => {}
+            Event::Tick => {}
         }
         if ticks {
             self.kill_what_hangs(now, &mut actions);
@@ -97,8 +98,8 @@ impl Deployment {
         }
         match self.phase {
             Phase::Running => self.run(now, &mut actions),
-            Phase::Rebuilding { asked: false } if !self.processes.iter().any(Lifecycle::is_live) => {
-                self.phase = Phase::Rebuilding { asked: true };
+            Phase::Rebuilding { asked: false, drains } if !self.processes.iter().any(Lifecycle::is_live) => {
+                self.phase = Phase::Rebuilding { asked: true, drains };
                 actions.push(Action::Rebuild);
             }
             Phase::Rebuilding { .. } | Phase::Draining { .. } | Phase::Stopping | Phase::Over => {}
@@ -112,15 +113,15 @@ impl Deployment {
         actions
     }
 
-    fn hear(&mut self, process: usize, work: u64, ending: bool, now: Duration, actions: &mut Vec<Action>) {
+    fn on_heartbeat(&mut self, process: usize, work: u64, ending: bool, now: Duration, actions: &mut Vec<Action>) {
         let Some(it) = self.processes.get_mut(process) else { return };
         let draining = matches!(self.phase, Phase::Draining { .. });
         let first = match it.state {
             State::Starting { .. } => true,
             State::Running { .. } => false,
-            // A source that has stopped its work, and stays until what it brought has been taken.
+            // A source that has stopped its work, and stays until what it published has been taken.
             State::Stopping { killed: false, .. } if draining && ending => false,
-            // Nobody has the time any more to take it.
+            // No process has the time any more to take it.
             State::Stopping { killed: false, .. } if self.phase == Phase::Stopping && ending => {
                 return actions.push(Action::Terminate(process));
             }
@@ -130,7 +131,7 @@ impl Deployment {
         it.state = if is_late {
             State::Stopping { deadline: now + self.policy.stop_deadline, killed: false }
         } else {
-            State::Running { heard: now }
+            State::Running { last_heartbeat: now }
         };
         it.cause.clear();
         let moved = first || it.work != work;
@@ -142,18 +143,18 @@ impl Deployment {
             actions.push(Action::Terminate(process));
         }
         if moved {
-            self.disturb(now);
+            self.note_progress(now);
         }
     }
 
-    /// A drain goes on while something moves.
-    fn disturb(&mut self, now: Duration) {
+    /// A drain lasts while something moves.
+    fn note_progress(&mut self, now: Duration) {
         if let Phase::Draining { quiet_since, .. } = &mut self.phase {
             *quiet_since = now;
         }
     }
 
-    fn bury(&mut self, process: usize, exit: Exit, now: Duration, actions: &mut Vec<Action>) {
+    fn on_exit(&mut self, process: usize, exit: Exit, now: Duration, actions: &mut Vec<Action>) {
         let Some(it) = self.processes.get_mut(process).filter(|it| it.is_live()) else { return };
         let hung = it.state == State::Killed;
         let asked = match it.state {
@@ -162,7 +163,7 @@ impl Deployment {
         };
         let cause = if hung { it.cause.clone() } else { exit.to_string() };
         let repeats = it.repeats(&exit);
-        self.disturb(now);
+        self.note_progress(now);
         match (exit, asked) {
             (Exit::Finished, _) => self.finish(process, actions),
             (Exit::BadInput, _) => {
@@ -172,10 +173,13 @@ impl Deployment {
             _ if matches!(self.phase, Phase::Rebuilding { .. }) => self.set(process, State::Waiting),
             (Exit::Signal(15), Some(false)) => self.finish(process, actions),
             (_, Some(true)) => self.fail(process, "had to be killed when the run ended".to_owned(), actions),
-            // It may not have come to say the end of its streams, which everybody waits for.
+            // It may not have published the end of its streams, which the others wait for.
             (Exit::Signal(_), Some(false)) if matches!(self.phase, Phase::Draining { .. }) => self.back_off(process, cause, now, actions),
             (_, Some(false)) => self.fail(process, cause, actions),
-            (Exit::BrokenDomain, None) if self.phase == Phase::Running => self.begin_rebuild(process, now, actions),
+            (Exit::BrokenDomain, None) if matches!(self.phase, Phase::Running | Phase::Draining { .. }) => {
+                self.set(process, State::Waiting);
+                self.begin_rebuild(now, actions);
+            }
             (_, None) if repeats => {
                 self.fail(process, format!("{cause}; the same error twice at the same place, not started again"), actions);
             }
@@ -235,8 +239,8 @@ impl Deployment {
     fn give_time_again(&mut self, standstill: Standstill, now: Duration, actions: &mut Vec<Action>) {
         actions.push(Action::Tell(Notice::StoodStill(standstill)));
         for it in &mut self.processes {
-            if let State::Running { heard } = &mut it.state {
-                *heard = now;
+            if let State::Running { last_heartbeat } = &mut it.state {
+                *last_heartbeat = now;
             }
         }
     }
@@ -276,25 +280,42 @@ impl Deployment {
         it.work = 0;
         actions.push(Action::Spawn { process, incarnation: it.starts });
         it.starts += 1;
-        self.disturb(now);
+        self.note_progress(now);
     }
 
-    fn begin_rebuild(&mut self, process: usize, now: Duration, actions: &mut Vec<Action>) {
-        self.set(process, State::Waiting);
+    fn begin_rebuild(&mut self, now: Duration, actions: &mut Vec<Action>) {
+        let drains = match self.phase {
+            Phase::Running => false,
+            Phase::Draining { .. } => true,
+            Phase::Rebuilding { .. } | Phase::Stopping | Phase::Over => return,
+        };
         if self.rebuilds.grant(&self.policy, now).is_none() {
             return self.begin_stop(Ending::DomainBroken, actions);
         }
-        self.phase = Phase::Rebuilding { asked: false };
+        self.phase = Phase::Rebuilding { asked: false, drains };
         actions.push(Action::Tell(Notice::Rebuilds));
         for (process, it) in self.processes.iter_mut().enumerate() {
             match it.state {
                 State::Backoff { .. } => it.state = State::Waiting,
-                State::Starting { .. } | State::Running { .. } => {
+                State::Starting { .. } | State::Running { .. } | State::Stopping { .. } => {
                     it.state = State::Killed;
                     actions.push(Action::Kill(process));
                 }
                 _ => {}
             }
+        }
+    }
+
+    /// In a drain everything that was killed starts at once, since each has something to finish; in a run one after the other.
+    fn start_anew(&mut self, now: Duration) {
+        let Phase::Rebuilding { drains, .. } = self.phase else { return };
+        if !drains {
+            self.phase = Phase::Running;
+            return;
+        }
+        self.phase = Phase::Draining { began: now, quiet_since: now };
+        for it in self.processes.iter_mut().filter(|it| it.state == State::Waiting) {
+            it.state = State::Backoff { until: now };
         }
     }
 
@@ -306,7 +327,7 @@ impl Deployment {
             let source = it.plan.role == Role::Source;
             match it.state {
                 State::Waiting => it.state = State::Finished,
-                // One that starts again has something to end, and cannot yet be told.
+                // One that starts again has something to end, and cannot yet be asked.
                 State::Starting { .. } if source && it.restarted() > 0 => {}
                 State::Starting { .. } | State::Running { .. } if source => {
                     it.state = State::Stopping { deadline, killed: false };
@@ -371,8 +392,8 @@ impl Deployment {
         }
     }
 
-    /// The first wish drains, the second stops, the third kills.
-    fn hurry(&mut self, now: Duration, actions: &mut Vec<Action>) {
+    /// The first request drains, the second stops, the third kills.
+    fn on_stop_request(&mut self, now: Duration, actions: &mut Vec<Action>) {
         match self.phase {
             Phase::Running => self.begin_drain(Ending::Asked, now, actions),
             Phase::Rebuilding { .. } => self.begin_stop(Ending::Asked, actions),

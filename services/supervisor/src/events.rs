@@ -1,6 +1,7 @@
 //! What goes into the state machine and what comes out of it.
 
 use crate::lifecycle::Exit;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// What the supervisor learns.
@@ -12,7 +13,7 @@ pub enum Event {
         process: usize,
         /// The last numbers that it has taken, added up.
         work: u64,
-        /// It has said all it has to say.
+        /// It has published everything.
         ending: bool,
     },
     /// The child of a process is gone and has been waited for.
@@ -22,13 +23,15 @@ pub enum Event {
         /// How.
         exit: Exit,
     },
+    /// Files of the domain were removed, or its memory is found to be broken: no process can join.
+    DomainLost,
     /// The domain has been made anew.
     Rebuilt,
     /// Time has passed.
     Tick,
-    /// The supervisor has not looked for a while, and nothing could be heard.
+    /// The supervisor has not looked for a while, and received nothing.
     StoodStill(Standstill),
-    /// Somebody wants the run to end: orderly at first, then less patiently with every time.
+    /// The run is to end: in order at first, with more force at every further request.
     StopAsked,
 }
 
@@ -97,6 +100,11 @@ pub enum Notice {
     },
     /// The shared memory is broken; everything starts again.
     Rebuilds,
+    /// A file of the domain was removed.
+    Removed {
+        /// The file or folder.
+        path: PathBuf,
+    },
     /// The supervisor has not looked for a while.
     StoodStill(Standstill),
 }
@@ -117,9 +125,9 @@ pub enum Ending {
     Complete,
     /// Every process is down.
     NothingLeft,
-    /// Somebody asked.
+    /// It was asked to.
     Asked,
-    /// Somebody asked until everything was killed.
+    /// It was asked until everything was killed.
     Forced,
     /// A process refused its input.
     BadInput {

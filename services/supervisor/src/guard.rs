@@ -5,8 +5,8 @@
 //! a line `+PID` for a child that has come, `-PID` for one that goes, and what has left these by their environment. Then what is left of the domain in shared memory and on disk
 //! is removed.
 
+use crate::executable::own_command;
 use crate::leftovers::{self, Origin, kill_descendants};
-use crate::run::own_command;
 use rustix::process::{Pid, Signal, kill_process_group};
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
@@ -22,7 +22,7 @@ use std::process::{ChildStdin, Stdio};
 /// When standard input cannot be read or the domain cannot be removed.
 pub fn guard(directory: &Path) -> Result<(), GuardError> {
     for group in groups_at_the_end(io::stdin().lock())?.into_iter().filter_map(Pid::from_raw) {
-        // Fails when nobody is left in it.
+        // Fails when no process is left in it.
         let _ = kill_process_group(group, Signal::KILL);
     }
     kill_descendants(Origin { domain: directory, process: None });
@@ -75,7 +75,7 @@ impl Guard {
         let mut child = command.spawn()?;
         let pipe = child.stdin.take();
         let mut guard = Self { child, pipe };
-        // One that does not read holds up nobody.
+        // A guard that does not read must not hold up the supervisor.
         if guard.pipe.as_ref().is_none_or(|pipe| rustix::io::ioctl_fionbio(pipe, true).is_err()) {
             guard.distrust();
         }
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_killed_by_what_is_no_child() {
+    fn lines_that_name_no_child_kill_nothing() {
         assert_eq!(left(b"+0\n+1\n+-5\n+\n\n+99999999999\n12\n+\xff\n +4\n+5x\n"), Vec::<i32>::new());
     }
 }

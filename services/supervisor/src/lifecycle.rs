@@ -58,8 +58,8 @@ impl std::fmt::Display for Exit {
             Self::BrokenDomain => write!(f, "found the shared memory broken"),
             Self::Code(code) => write!(f, "ended with exit code {code}"),
             Self::Error { code, message } => write!(f, "ended with exit code {code}: {message}"),
-            // What is mapped and cannot be had: all but always shared memory that is used up.
-            Self::Signal(7) => write!(f, "was killed by signal 7 (bus error), as whoever writes when /dev/shm is full"),
+            // Memory that is mapped and not available: nearly always shared memory that is used up.
+            Self::Signal(7) => write!(f, "was killed by signal 7 (bus error), as happens to a process that writes when /dev/shm is full"),
             Self::Signal(1) => write!(f, "was told to stop (SIGHUP), not by the supervisor"),
             Self::Signal(2) => write!(f, "was told to stop (SIGINT), not by the supervisor"),
             Self::Signal(15) => write!(f, "was told to stop (SIGTERM), not by the supervisor"),
@@ -82,7 +82,7 @@ pub enum State {
     /// A child runs.
     Running {
         /// Its last heartbeat.
-        heard: Duration,
+        last_heartbeat: Duration,
     },
     /// A child hung and was killed; its exit is still to come.
     Killed,
@@ -180,7 +180,7 @@ impl Lifecycle {
     pub fn due(&self, policy: &Policy) -> Option<Duration> {
         match self.state {
             State::Starting { deadline } | State::Stopping { deadline, .. } => Some(deadline),
-            State::Running { heard } => Some(heard + policy.heartbeat_timeout),
+            State::Running { last_heartbeat } => Some(last_heartbeat + policy.heartbeat_timeout),
             State::Backoff { until } => Some(until),
             State::Waiting | State::Killed | State::Finished | State::Failed => None,
         }
@@ -206,8 +206,8 @@ impl Lifecycle {
             State::Starting { deadline } if now >= deadline => {
                 Some(format!("gave no sign of life within {:.1} s of its start", policy.startup_deadline.as_secs_f64()))
             }
-            State::Running { heard } if now >= heard + policy.heartbeat_timeout => {
-                Some(format!("gave no sign of life for {:.1} s", (now - heard).as_secs_f64()))
+            State::Running { last_heartbeat } if now >= last_heartbeat + policy.heartbeat_timeout => {
+                Some(format!("gave no sign of life for {:.1} s", (now - last_heartbeat).as_secs_f64()))
             }
             _ => None,
         }

@@ -9,7 +9,7 @@ const LONGEST_LINE: usize = 8192;
 /// Cuts a stream of bytes into lines; holds at most one line.
 #[derive(Debug, Default)]
 pub(crate) struct Lines {
-    held: Vec<u8>,
+    partial: Vec<u8>,
     too_long: bool,
 }
 
@@ -26,20 +26,20 @@ impl Lines {
 
     /// Gives what is left when the stream has ended.
     pub(crate) fn flush(&mut self, mut each: impl FnMut(&str)) {
-        let text = String::from_utf8_lossy(&self.held);
+        let text = String::from_utf8_lossy(&self.partial);
         let text = text.trim_end();
         if self.too_long {
             each(&format!("{text} …"));
         } else if !text.is_empty() {
             each(text);
         }
-        self.held.clear();
+        self.partial.clear();
         self.too_long = false;
     }
 
     fn hold(&mut self, bytes: &[u8]) {
-        let room = LONGEST_LINE - self.held.len();
-        self.held.extend_from_slice(&bytes[..bytes.len().min(room)]);
+        let room = LONGEST_LINE - self.partial.len();
+        self.partial.extend_from_slice(&bytes[..bytes.len().min(room)]);
         self.too_long |= bytes.len() > room;
     }
 }

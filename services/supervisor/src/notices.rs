@@ -1,4 +1,4 @@
-//! What people are told: as tracing events whose field `process` says whom they are about, and on the bus.
+//! Log lines for people: as tracing events whose field `process` names the process that they are about, and on the bus.
 
 use crate::deployment::Deployment;
 use crate::events::{Ending, Notice, Standstill};
@@ -9,7 +9,7 @@ use tracing::Level;
 
 /// Target of the tracing events that processes wrote.
 pub const CHILD_TARGET: &str = "process";
-/// Who speaks when the supervisor does.
+/// The name of the supervisor in log lines.
 pub(crate) const SUPERVISOR: &str = "supervisor";
 
 /// Where log lines go.
@@ -65,7 +65,7 @@ impl Log {
     }
 }
 
-/// Whom a notice is about, and what it says.
+/// The process that a notice is about, and the line.
 fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
     let name = |process: usize| deployment.processes().get(process).map_or("", |it| it.plan().name.as_str());
     let info = |text: String| Line { level: Level::INFO, text };
@@ -83,6 +83,10 @@ fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
         Notice::Finished { process } => (name(*process), info("finished".to_owned())),
         Notice::Failed { process, cause } => (name(*process), error(format!("failed: {cause}"))),
         Notice::Rebuilds => (SUPERVISOR, warning("the shared memory is broken; everything starts again from its checkpoints".to_owned())),
+        Notice::Removed { path } => {
+            let cause = "a cleaner removes old files, and logind those of a user at the last logout (RemoveIPC=, loginctl enable-linger)";
+            (SUPERVISOR, warning(format!("{} was removed: {cause}; every process is restarted from its checkpoint", path.display())))
+        }
         Notice::Restless { after } => {
             (SUPERVISOR, warning(format!("what is being finished still moves after {:.0} s; it is stopped", after.as_secs_f64())))
         }

@@ -53,11 +53,11 @@ impl Outcome {
     ///
     /// | code | means |
     /// | --- | --- |
-    /// | 0 | the run ended well, by itself or because somebody asked (SIGINT, SIGTERM, SIGHUP) and everything stopped in order |
-    /// | 1 | the supervisor itself could not go on, or the shared memory kept breaking |
+    /// | 0 | the run ended well, by itself or on a signal (SIGINT, SIGTERM, SIGHUP) on which everything stopped in order |
+    /// | 1 | the supervisor itself failed, or the shared memory kept breaking |
     /// | 2 | settings, world or log cannot be used |
     /// | 3 | the run ended, but a process had failed for good or had to be killed |
-    /// | 130 | somebody asked until everything was killed |
+    /// | 130 | further signals killed everything |
     #[must_use]
     pub fn exit_code(&self) -> u8 {
         match self.ending {

@@ -12,8 +12,8 @@ pub(crate) fn plans(settings: &Settings) -> Vec<Plan> {
 
 /// A foreign process is taken for a source: it may be a driver, and then the run cannot end before it is asked to stop.
 ///
-/// Live, the run goes on without whatever does not bring the scans. In lockstep everybody waits for the slowest, so that a
-/// process that is gone for good would be waited for without end; nobody ever waits for the viewer.
+/// Live, the run continues without any process that does not bring the scans. In lockstep every process waits for the slowest, so that
+/// a process that is gone for good would be waited for without end; no process waits for the viewer.
 fn plan(process: &Process, pace: Pace) -> Plan {
     let (role, brings_scans) = match process.program {
         Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) => (Role::Source, true),
@@ -22,7 +22,7 @@ fn plan(process: &Process, pace: Pace) -> Plan {
         }
         // Without it nothing comes through.
         Program::BuiltIn(BuiltIn::Injector) => (Role::Consumer, true),
-        // Without its pictures the sonars go on.
+        // Without its pictures the sonars continue.
         Program::BuiltIn(BuiltIn::Camera) | Program::Command(_) => (Role::Source, false),
     };
     let essential = brings_scans || (pace == Pace::Lockstep && !process.runs(BuiltIn::Viewer));

@@ -2,9 +2,9 @@
 
 use crate::child::Child;
 use crate::deployment::Deployment;
-use crate::events::{Action, Event};
+use crate::events::{Action, Event, Notice};
+use crate::executable::own_command;
 use crate::guard::Guard;
-use crate::held::hold;
 use crate::kernel::check_kernel;
 use crate::leftovers::{self, Origin};
 use crate::lifecycle::{Exit, State};
@@ -12,14 +12,16 @@ use crate::limits::raise_open_files;
 use crate::lines::Line;
 use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
+use crate::output_lock::lock_output;
 use crate::patience::{KernelTime, LookClock};
 use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::program::find_program;
+use crate::removal::Removal;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
-use messages::{DeploymentStatus, MAX_PROCESSES, MapSummary, Phase, Text};
+use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Text};
 use runtime::{PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
@@ -30,13 +32,12 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use tracing::Level;
 
-/// How often heartbeats are looked at; they wake nobody.
+/// How often heartbeats are looked at; they end no wait.
 const LOOK: Duration = Duration::from_millis(100);
 /// The same while a process starts: its first heartbeat lets the next one start.
 const LOOK_AT_START: Duration = Duration::from_millis(10);
@@ -46,19 +47,21 @@ const SAMPLE: Duration = Duration::from_secs(1);
 /// Bytes of a simulated picture.
 const SIMULATED_PICTURE: usize = 160 * 120;
 
-/// Has the recorder's large pieces of memory live apart, each for itself (glibc, see mallopt(3)). Chunks of a megabyte come and go
-/// there among what stays; from a common heap they leave holes that nothing fills, 1.7 MB in an hour of driving.
+/// Allocates the recorder's large pieces of memory outside of the heap (glibc, see mallopt(3)). Chunks of a megabyte are allocated
+/// and freed there among what stays; in the heap they leave holes that nothing fills, 1.7 MB in an hour of driving.
 const PIECES_APART: (&str, &str) = ("MALLOC_MMAP_THRESHOLD_", "131072");
 
+/// How often the files of the domain are looked for.
+const LOOK_FOR_REMOVED: Duration = Duration::from_millis(500);
 /// How often shared memory is looked at while there is none.
 const LOOK_AT_MEMORY: Duration = Duration::from_millis(50);
 
-/// Runs a deployment to its end: until a process that ends the run has finished, or somebody asks (SIGINT, SIGTERM, SIGHUP).
+/// Runs a deployment to its end: until a process that ends the run has finished, or a signal asks for it (SIGINT, SIGTERM, SIGHUP).
 ///
 /// To be called from the main thread: children die when the thread that started them ends.
 ///
 /// # Errors
-/// When the deployment cannot be started, or the supervisor itself cannot go on; no child lives then.
+/// When the deployment cannot be started, or the supervisor itself fails; no child lives then.
 pub fn run(settings: &Settings, options: &Options, on_report: &mut dyn FnMut(Report<'_>)) -> Result<Outcome, RunError> {
     let mut supervisor = Supervisor::start(settings, options)?;
     let result = supervisor.supervise(on_report);
@@ -89,6 +92,9 @@ struct Supervisor<'a> {
     units: MachineUnits,
     sampled: Duration,
     statuses: u64,
+    removal: Removal,
+    /// When files of the domain are looked for again.
+    removal_checked: Duration,
     map: Option<MapSummary>,
 }
 
@@ -127,7 +133,7 @@ impl<'a> Supervisor<'a> {
         check_kernel()?;
         raise_open_files(settings.process.len())?;
         // Before anything that another deployment may be using is touched.
-        let out = hold(&settings.out).map_err(|error| already_running(settings, error))?;
+        let out = lock_output(&settings.out).map_err(|error| already_running(settings, error))?;
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;
@@ -142,7 +148,7 @@ impl<'a> Supervisor<'a> {
             }
         };
         if state.is_resumed() {
-            tracing::info!("the last run goes on, with the map as it was; --fresh begins a new one");
+            tracing::info!("the last run is resumed, with the map as it was; --fresh begins a new one");
         }
         let count = settings.process.len();
         let mut supervisor = Self {
@@ -166,6 +172,8 @@ impl<'a> Supervisor<'a> {
             units: MachineUnits { ticks_per_s: rustix::param::clock_ticks_per_second(), page_bytes: rustix::param::page_size() as u64 },
             sampled: Duration::ZERO,
             statuses: 0,
+            removal: Removal::default(),
+            removal_checked: Duration::ZERO,
             map: None,
         };
         supervisor.watch_the_guard();
@@ -184,7 +192,7 @@ impl<'a> Supervisor<'a> {
             self.wait()?;
             self.sit_out_full_memory()?;
             self.domain.refresh();
-            // However long the supervisor itself could not look: what waits by now was said in time.
+            // However long the supervisor itself could not look: what waits by now was sent in time.
             let standstill = self.looks.look(KernelTime::now());
             let now = self.now();
             changed = standstill.map_or(Ok(false), |standstill| self.feed(Event::StoodStill(standstill)))?;
@@ -192,11 +200,34 @@ impl<'a> Supervisor<'a> {
             changed |= self.take_stop_requests()?;
             self.take_summary(on_report)?;
             changed |= self.take_output_and_exits()?;
+            changed |= self.look_for_removed_files()?;
             changed |= self.feed_at(Event::Tick, now)?;
             self.watch_the_guard();
         }
         self.take_summary(on_report)?;
         self.publish_status(true, on_report)
+    }
+
+    /// Has everything start again in new shared memory where files of the domain were removed.
+    fn look_for_removed_files(&mut self) -> Result<bool, RunError> {
+        if self.now() < self.removal_checked {
+            return Ok(false);
+        }
+        self.removal_checked = self.now() + LOOK_FOR_REMOVED;
+        let Some(path) = self.domain.removed().map(Path::to_owned) else {
+            self.removal.nothing(self.domain.state());
+            return Ok(false);
+        };
+        if self.removal.something() {
+            self.act(Action::Tell(Notice::Removed { path }))?;
+            if let Err(error) = self.domain.lock_again() {
+                tracing::warn!("{error}");
+            }
+        }
+        if !self.removal.may_restart(self.domain.state()) {
+            return Ok(false);
+        }
+        self.feed(Event::DomainLost)
     }
 
     /// Gives the domain back, whatever happened.
@@ -277,6 +308,7 @@ impl<'a> Supervisor<'a> {
         self.ports = None;
         self.domain.rebuild()?;
         self.ports = Some(Ports::open(&mut self.domain, self.clock)?);
+        self.removal.nothing(self.domain.state());
         write_settings(&self.settings_path, &text)
     }
 
@@ -325,8 +357,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// While shared memory is used up, touches none of it, starts nothing and takes nobody for hung: whoever needs more of it is
-    /// killed, and that may not be the supervisor. The time in which it waited has not passed for anybody. A request to stop ends the wait.
+    /// While shared memory is used up, touches none of it, starts nothing and takes no process for hung: a process that needs more of it
+    /// is killed, and that may not be the supervisor. The time of the wait counts for no deadline. A request to stop ends the wait.
     fn sit_out_full_memory(&mut self) -> Result<(), RunError> {
         if !shared_memory_is_short() {
             return Ok(());
@@ -358,15 +390,26 @@ impl<'a> Supervisor<'a> {
         Ok(changed)
     }
 
+    fn take_heartbeat(&mut self) -> Result<Option<Received<bus::Message<Heartbeat>>>, RunError> {
+        match self.ports.as_mut().map_or(Ok(None), |ports| ports.heartbeats.take()) {
+            Err(error) if error.is_broken_domain() => {
+                tracing::warn!("{error}");
+                self.feed(Event::DomainLost)?;
+                Ok(None)
+            }
+            taken => Ok(taken?),
+        }
+    }
+
     fn take_heartbeats(&mut self) -> Result<bool, RunError> {
         let mut changed = false;
-        while let Some(received) = self.ports.as_mut().map_or(Ok(None), |ports| ports.heartbeats.take())? {
+        while let Some(received) = self.take_heartbeat()? {
             let Received::Message(heartbeat) = received else { continue };
             let name = heartbeat.process.as_str();
             let Some(process) = self.settings.process.iter().position(|it| it.name.as_str() == name) else { continue };
-            // One that was sent by a child that is already gone says nothing of the present one.
+            // A heartbeat of a child that is gone is not about the present one.
             if self.children[process].as_ref().is_some_and(|child| child.is(heartbeat.pid)) {
-                self.vitals[process].hear(&heartbeat, self.looks.now());
+                self.vitals[process].take(&heartbeat, self.looks.now());
                 // Until it works, its inputs may not be open yet.
                 if heartbeat.phase == Phase::Starting as u32 {
                     continue;
@@ -400,7 +443,7 @@ impl<'a> Supervisor<'a> {
             if child.has_ended().map_err(waiting)? {
                 let give_up = |pid| self.guard.iter_mut().for_each(|guard| guard.give_up(pid));
                 let origin = Origin { domain: self.domain.directory(), process: Some(name) };
-                exit = Some(child.bury(origin, |line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
+                exit = Some(child.reap(origin, |line| lines.push(line.to_owned()), give_up).map_err(waiting)?);
             }
             if let Some(ports) = &mut self.ports {
                 for line in &lines {
@@ -418,8 +461,15 @@ impl<'a> Supervisor<'a> {
                 };
                 self.children[process] = None;
                 self.vitals[process].end();
-                self.domain.remove_dead_nodes();
                 self.feed(Event::Exited { process, exit })?;
+                if self.removal.is_found() {
+                    // It could not join again. At the end of a run the others may have no checkpoint to start from any more.
+                    if self.deployment.ending().is_none() || self.removal.is_complete(self.domain.state()) {
+                        self.feed(Event::DomainLost)?;
+                    }
+                } else {
+                    self.domain.remove_dead_nodes();
+                }
                 changed = true;
             }
         }
@@ -434,8 +484,10 @@ impl<'a> Supervisor<'a> {
             if let Err(error) = self.state.note_time(self.clock.now_ns()) {
                 tracing::debug!("{error}");
             }
-            // A visitor is nobody's child: nothing else tells that it was killed.
-            self.domain.remove_dead_nodes();
+            // An observer is no child: nothing else shows that it was killed.
+            if !self.removal.is_found() {
+                self.domain.remove_dead_nodes();
+            }
             self.reap_strangers();
             for (vitals, child) in self.vitals.iter_mut().zip(&self.children) {
                 if let Some(child) = child {
@@ -454,7 +506,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    /// No process must stay a zombie for as long as the run lasts, whoever started it.
+    /// No process stays a zombie while the run lasts, whatever started it.
     fn reap_strangers(&self) {
         let children = self.children.iter().flatten().map(Child::pid);
         let known: Vec<u32> = children.chain(self.guard.as_ref().map(Guard::pid)).collect();
@@ -497,15 +549,6 @@ impl<'a> Supervisor<'a> {
     }
 }
 
-/// The command of this executable, under the name that it was started by.
-pub(crate) fn own_command(executable: &Path) -> Command {
-    let mut command = Command::new(executable);
-    if let Some(name) = std::env::args_os().next() {
-        command.arg0(name);
-    }
-    command
-}
-
 /// Of two deployments with one name the second has the same folder of outputs, too; that it runs already says more.
 fn already_running(settings: &Settings, error: RunError) -> RunError {
     let running = RunningDomain::all().unwrap_or_default();
@@ -517,7 +560,7 @@ fn already_running(settings: &Settings, error: RunError) -> RunError {
     }
 }
 
-/// The settings under which the state of a run can be gone on from: those of the robot, and of what is made of its readings.
+/// The settings under which the state of a run can be resumed: those of the robot, and of what is made of its readings.
 fn what_the_map_depends_on(settings: &Settings) -> Result<String, RunError> {
     Ok(Settings { robot: settings.robot.clone(), mapping: settings.mapping.clone(), ..Settings::default() }.to_toml()?)
 }

@@ -14,7 +14,7 @@ pub struct Options {
     /// The `stillmap` executable: `process KIND` runs a built-in process, `guard FOLDER` runs [`crate::guard()`]. With
     /// `/proc/self/exe` that is the file that the supervisor runs, whatever has taken its name since.
     pub executable: PathBuf,
-    /// Where the state of the processes outlives the deployment, so that the next start goes on; nowhere when not given.
+    /// Where the state of the processes outlives the deployment, so that the next start resumes it; nowhere when not given.
     pub state: Option<PathBuf>,
     /// What is there is put aside, and a new run begins.
     pub fresh: bool,

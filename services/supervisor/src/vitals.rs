@@ -9,9 +9,9 @@ use std::time::Duration;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Vitals {
     heartbeat: Option<(Duration, Heartbeat)>,
-    /// What its children before the present one did not get.
+    /// What its children before the present one have lost.
     missed_before: Vec<Missed>,
-    mark: Mark,
+    base: RateBase,
     received_per_s: f64,
     sent_per_s: f64,
     cpu: f64,
@@ -20,7 +20,7 @@ pub(crate) struct Vitals {
 
 /// What rates are measured from.
 #[derive(Debug, Clone, Copy, Default)]
-struct Mark {
+struct RateBase {
     at: Duration,
     received: u64,
     sent: u64,
@@ -44,13 +44,13 @@ pub(crate) struct MachineUnits {
 
 impl Vitals {
     /// Takes a heartbeat of the present child.
-    pub(crate) fn hear(&mut self, heartbeat: &Heartbeat, now: Duration) {
+    pub(crate) fn take(&mut self, heartbeat: &Heartbeat, now: Duration) {
         self.heartbeat = Some((now, *heartbeat));
     }
 
-    /// A new child counts from zero; what did not get through to those before it stays told.
+    /// A new child counts from zero; what those before it have lost is still reported.
     pub(crate) fn begin(&mut self, now: Duration) {
-        *self = Self { mark: Mark { at: now, ..Mark::default() }, missed_before: self.missed(), ..Self::default() };
+        *self = Self { base: RateBase { at: now, ..RateBase::default() }, missed_before: self.missed(), ..Self::default() };
     }
 
     /// No child, no use of the machine.
@@ -60,18 +60,18 @@ impl Vitals {
 
     /// Measures rates since the last sample.
     pub(crate) fn sample(&mut self, usage: Option<Usage>, units: MachineUnits, now: Duration) {
-        let elapsed_s = now.saturating_sub(self.mark.at).as_secs_f64();
+        let elapsed_s = now.saturating_sub(self.base.at).as_secs_f64();
         if elapsed_s <= 0.0 {
             return;
         }
-        let ticks = usage.map_or(self.mark.ticks, |usage| usage.ticks);
-        let mark = Mark { at: now, received: self.received(), sent: self.sent(), ticks };
+        let ticks = usage.map_or(self.base.ticks, |usage| usage.ticks);
+        let base = RateBase { at: now, received: self.received(), sent: self.sent(), ticks };
         let per_s = |new: u64, old: u64| new.saturating_sub(old) as f64 / elapsed_s;
-        self.received_per_s = per_s(mark.received, self.mark.received);
-        self.sent_per_s = per_s(mark.sent, self.mark.sent);
-        self.cpu = per_s(mark.ticks, self.mark.ticks) / units.ticks_per_s.max(1) as f64;
+        self.received_per_s = per_s(base.received, self.base.received);
+        self.sent_per_s = per_s(base.sent, self.base.sent);
+        self.cpu = per_s(base.ticks, self.base.ticks) / units.ticks_per_s.max(1) as f64;
         self.resident_bytes = usage.map_or(0, |usage| usage.pages * units.page_bytes);
-        self.mark = mark;
+        self.base = base;
     }
 
     /// How far the present child has come in streams that end: their last numbers, added up. Everything else may be published for
@@ -111,7 +111,7 @@ impl Vitals {
         }
     }
 
-    /// What the process says, behind what it had to refuse: that is somebody else's fault, and nobody else tells it.
+    /// The note of the process, behind what it had to refuse: that is the fault of a sender, and no other process reports it.
     fn note(&self, missed: &[Missed]) -> Text<128> {
         let note = self.heartbeat.as_ref().map(|(_, heartbeat)| heartbeat.note).unwrap_or_default();
         let refused = missed.iter().filter(|of| of.refused > 0).map(|of| format!("refused {} of {}", of.refused, of.service));
@@ -173,7 +173,7 @@ mod tests {
     fn rates_are_measured_between_samples() {
         let mut vitals = Vitals::default();
         vitals.begin(Duration::from_secs(10));
-        vitals.hear(&heartbeat(99, 40), Duration::from_secs(11));
+        vitals.take(&heartbeat(99, 40), Duration::from_secs(11));
         vitals.sample(Some(Usage { ticks: 50, pages: 3 }), UNITS, Duration::from_secs(12));
         let status = vitals.status(&lifecycle(), 7, Duration::from_secs(13));
         assert_eq!((status.received, status.sent, status.lost, status.refused), (100, 40, 3, 2));
@@ -184,51 +184,51 @@ mod tests {
     }
 
     #[test]
-    fn what_did_not_get_through_stays_told_when_the_process_starts_again() {
+    fn losses_are_still_reported_after_a_restart() {
         let mut vitals = Vitals::default();
         let told = |vitals: &Vitals| {
             let status = vitals.status(&lifecycle(), 0, Duration::from_secs(9));
             (status.received, status.lost, status.refused, status.note.to_string())
         };
-        vitals.hear(&heartbeat(7, 0), Duration::from_secs(1));
+        vitals.take(&heartbeat(7, 0), Duration::from_secs(1));
         vitals.begin(Duration::from_secs(2));
         assert_eq!(told(&vitals), (0, 3, 2, "refused 2 of map/verdict".to_owned()));
-        vitals.hear(&heartbeat(9, 0), Duration::from_secs(3));
+        vitals.take(&heartbeat(9, 0), Duration::from_secs(3));
         assert_eq!(told(&vitals), (10, 6, 4, "refused 4 of map/verdict; searching".to_owned()));
         vitals.end();
         vitals.begin(Duration::from_secs(4));
         let mut other = heartbeat(1, 0);
         other.inputs[1].service = Text::new("robot/scan");
-        vitals.hear(&other, Duration::from_secs(5));
+        vitals.take(&other, Duration::from_secs(5));
         assert_eq!(told(&vitals), (2, 9, 6, "refused 4 of map/verdict; refused 2 of robot/scan; searching".to_owned()));
     }
 
     #[test]
-    fn what_is_said_although_nothing_moves_is_no_work() {
+    fn reports_of_an_idle_process_are_no_work() {
         let mut vitals = Vitals::default();
         let mut idle = heartbeat(10, 5);
-        vitals.hear(&idle, Duration::from_secs(1));
+        vitals.take(&idle, Duration::from_secs(1));
         assert_eq!(vitals.work(), 1);
         (idle.inputs[0].received, idle.sent) = (20, 10);
-        vitals.hear(&idle, Duration::from_secs(2));
+        vitals.take(&idle, Duration::from_secs(2));
         assert_eq!(vitals.work(), 1);
         idle.inputs[1].last_seq = 2;
-        vitals.hear(&idle, Duration::from_secs(3));
+        vitals.take(&idle, Duration::from_secs(3));
         assert_eq!(vitals.work(), 2);
     }
 
     #[test]
-    fn a_process_that_has_said_nothing_has_no_age() {
+    fn a_process_without_a_heartbeat_has_no_age() {
         assert_eq!(Vitals::default().status(&lifecycle(), 0, Duration::from_secs(1)).heartbeat_age_ms, u64::MAX);
     }
 
     #[test]
     fn a_new_child_counts_from_zero() {
         let mut vitals = Vitals::default();
-        vitals.hear(&heartbeat(1000, 1000), Duration::from_secs(1));
+        vitals.take(&heartbeat(1000, 1000), Duration::from_secs(1));
         vitals.sample(None, UNITS, Duration::from_secs(2));
         vitals.begin(Duration::from_secs(3));
-        vitals.hear(&heartbeat(9, 0), Duration::from_secs(4));
+        vitals.take(&heartbeat(9, 0), Duration::from_secs(4));
         vitals.sample(None, UNITS, Duration::from_secs(4));
         assert_eq!(vitals.status(&lifecycle(), 0, Duration::from_secs(4)).received_per_s, 10.0);
         vitals.end();

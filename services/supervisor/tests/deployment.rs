@@ -67,7 +67,7 @@ fn each_process_starts_when_the_one_before_lives() {
     assert_eq!(commands(&it.step(Event::Tick, ms(50))), []);
     assert_eq!(commands(&it.step(heartbeat(0, 0), ms(60))), [Action::Spawn { process: 1, incarnation: 0 }]);
     let after_death = it.step(exited(1, Exit::Code(1)), ms(70));
-    assert_eq!(commands(&after_death), [Action::Spawn { process: 2, incarnation: 0 }], "one that cannot start holds up nobody");
+    assert_eq!(commands(&after_death), [Action::Spawn { process: 2, incarnation: 0 }], "one that cannot start does not hold up the next");
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn a_dead_process_is_back_after_its_delay() {
 }
 
 #[test]
-fn who_is_told_to_stop_by_somebody_else_starts_again() {
+fn a_process_that_another_program_stops_starts_again() {
     let mut it = running_demo();
     for (process, signal, word) in [(0, 1, "SIGHUP"), (1, 15, "SIGTERM"), (2, 2, "SIGINT")] {
         let actions = it.step(exited(process, Exit::Signal(signal)), ms(100));
@@ -126,7 +126,7 @@ fn after_a_standstill_each_process_has_its_whole_time_again() {
 }
 
 #[test]
-fn a_source_that_has_said_all_stays_until_what_it_said_has_been_taken() {
+fn a_source_stays_until_what_it_published_is_taken() {
     let mut it = running_demo();
     assert_eq!(commands(&it.step(exited(3, Exit::Finished), ms(100))), [Action::Terminate(2)]);
     let ending = Event::Heartbeat { process: 2, work: 0, ending: true };
@@ -164,14 +164,14 @@ fn a_source_that_has_said_all_stays_until_what_it_said_has_been_taken() {
 }
 
 #[test]
-fn a_source_does_not_stay_when_everybody_is_asked_to_stop() {
+fn a_source_does_not_stay_when_all_are_asked_to_stop() {
     let ending = Event::Heartbeat { process: 3, work: 0, ending: true };
     let mut it = running_demo();
     // Mapping refuses its settings: there is no drain.
     assert_eq!(commands(&it.step(exited(1, Exit::BadInput), ms(100))), [Action::Terminate(3)]);
     assert_eq!(commands(&it.step(heartbeat(3, 0), ms(200))), []);
     assert_eq!(commands(&it.step(ending.clone(), ms(300))), [Action::Terminate(3)]);
-    // Somebody asks twice while it has not said its end yet.
+    // Two requests before it has published its end.
     let mut it = running_demo();
     assert_eq!(commands(&it.step(Event::StopAsked, ms(100))), [Action::Terminate(3), Action::Terminate(2)]);
     assert_eq!(commands(&it.step(Event::StopAsked, ms(200))), []);
@@ -179,20 +179,20 @@ fn a_source_does_not_stay_when_everybody_is_asked_to_stop() {
 }
 
 #[test]
-fn a_supervisor_that_could_not_look_for_long_takes_nobody_for_hung_who_was_heard() {
+fn after_a_standstill_no_process_with_a_heartbeat_hangs() {
     let mut it = running_demo();
     for process in 0..4 {
-        assert_eq!(commands(&it.step(heartbeat(process, 0), ms(60_000))), [], "what waited is heard one by one");
+        assert_eq!(commands(&it.step(heartbeat(process, 0), ms(60_000))), [], "what waited is taken one by one");
     }
     assert_eq!(commands(&it.step(Event::Tick, ms(60_000))), []);
-    // Nor for who does not stop, when its end waits to be seen.
+    // Nor does one that is asked to stop, when its exit waits to be seen.
     assert_eq!(commands(&it.step(exited(3, Exit::Finished), ms(60_100))), [Action::Terminate(2)]);
     assert_eq!(commands(&it.step(heartbeat(0, 0), ms(120_000))), []);
     assert_eq!(commands(&it.step(exited(2, Exit::Finished), ms(120_000))), []);
     assert_eq!(it.processes()[2].state(), &State::Finished);
-    assert_eq!(commands(&it.step(heartbeat(1, 1), ms(120_000))), [], "nor does the drain end before all was heard");
+    assert_eq!(commands(&it.step(heartbeat(1, 1), ms(120_000))), [], "nor does the drain end before all is taken");
     assert_eq!(commands(&it.step(Event::Tick, ms(120_000))), []);
-    assert_eq!(it.processes()[1].state(), &State::Running { heard: ms(120_000) });
+    assert_eq!(it.processes()[1].state(), &State::Running { last_heartbeat: ms(120_000) });
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn a_process_that_never_lives_is_killed_at_its_startup_deadline() {
     it.step(Event::Tick, ms(0));
     assert_eq!(commands(&it.step(Event::Tick, ms(4999))), []);
     let next = Action::Spawn { process: 1, incarnation: 0 };
-    assert_eq!(commands(&it.step(Event::Tick, ms(5000))), [Action::Kill(0), next], "it holds up nobody any longer");
+    assert_eq!(commands(&it.step(Event::Tick, ms(5000))), [Action::Kill(0), next], "the next is not held up any longer");
 }
 
 /// Lets a process die until it stays down; the number of its starts after the first.
@@ -222,7 +222,7 @@ fn exhaust(it: &mut Deployment, process: usize, mut now: Duration) -> (usize, Du
 }
 
 #[test]
-fn a_process_that_dies_too_often_fails_and_the_others_go_on() {
+fn a_process_that_dies_too_often_fails_alone() {
     let mut it = running_demo();
     let (restarts, _) = exhaust(&mut it, 1, ms(100));
     assert_eq!(restarts, 3);
@@ -261,7 +261,7 @@ fn a_consumer_that_dies_while_the_run_ends_comes_back() {
 }
 
 #[test]
-fn a_source_that_dies_while_the_run_ends_comes_back_to_say_the_end() {
+fn a_source_that_dies_in_a_drain_restarts_to_end_its_streams() {
     let (death, end) = (|| exited(2, Exit::Signal(9)), || exited(3, Exit::Finished));
     let when_asked = [(end(), 100), (death(), 105), (Event::Tick, 150)];
     let a_moment_before = [(death(), 95), (end(), 100), (Event::Tick, 150)];
@@ -288,7 +288,7 @@ fn a_source_that_says_no_end_by_itself_has_failed() {
 }
 
 #[test]
-fn consumers_that_work_on_are_waited_for_and_idle_ones_are_stopped_in_reverse_order() {
+fn a_drain_waits_for_working_consumers_and_stops_idle_ones() {
     let mut it = running_demo();
     it.step(exited(3, Exit::Finished), ms(100));
     it.step(exited(2, Exit::Finished), ms(100));
@@ -357,6 +357,27 @@ fn a_broken_domain_is_rebuilt_once_nothing_lives_in_it() {
     assert_eq!(commands(&it.step(exited(3, Exit::Signal(9)), ms(102))), [Action::Rebuild]);
     assert_eq!(commands(&it.step(Event::Tick, ms(103))), []);
     assert_eq!(commands(&it.step(Event::Rebuilt, ms(104))), [Action::Spawn { process: 0, incarnation: 1 }]);
+}
+
+#[test]
+fn a_domain_lost_in_a_drain_is_rebuilt_and_the_drain_resumes() {
+    let mut it = running_demo();
+    it.step(exited(3, Exit::Finished), ms(100));
+    it.step(heartbeat(2, 0), ms(101));
+    assert_eq!(commands(&it.step(Event::DomainLost, ms(102))), [Action::Kill(0), Action::Kill(1), Action::Kill(2)]);
+    assert_eq!(commands(&it.step(Event::DomainLost, ms(103))), [], "it is being rebuilt");
+    for process in [0, 1] {
+        it.step(exited(process, Exit::Signal(9)), ms(104));
+    }
+    assert_eq!(commands(&it.step(exited(2, Exit::Signal(9)), ms(105))), [Action::Rebuild]);
+    let starts = [0, 1, 2].map(|process| Action::Spawn { process, incarnation: 1 });
+    assert_eq!(commands(&it.step(Event::Rebuilt, ms(106))), starts);
+    assert_eq!(commands(&it.step(heartbeat(2, 0), ms(110))), [Action::Terminate(2)], "the source publishes its end again");
+    for process in [2, 1, 0] {
+        it.step(exited(process, Exit::Finished), ms(120));
+    }
+    assert!(it.is_over());
+    assert_eq!(it.ending(), Some(Ending::Complete));
 }
 
 #[test]
