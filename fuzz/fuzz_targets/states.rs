@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use fti::Fti;
 use libfuzzer_sys::fuzz_target;
 use mapping::Mapper;
-use messages::{Payload, SonarScan};
+use messages::{Payload, SonarScan, StreamCursor};
 use stillmap_std::Std;
 
 /// Head and tiles of a state.
@@ -65,7 +65,7 @@ fn borrowed(tiles: &[([i32; 3], Vec<u8>)]) -> impl Iterator<Item = ([i32; 3], &[
 fn map(head: Vec<u8>, tiles: Vec<([i32; 3], Vec<u8>)>) {
     let Ok(mut mapper) = Mapper::new(&common::mapper_parameters()).unwrap().restore(&head, borrowed(&tiles)) else { return };
     assert!(mapper_parts(&mapper) == (head, tiles));
-    let (seq, stamp_ns) = mapper.last_scan();
+    let StreamCursor { seq, stamp_ns } = mapper.last_scan();
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         let _ = mapper.step(mapping::Input::Scan { seq: seq.saturating_add(k), stamp_ns: stamp_ns.saturating_add(k), scan });
     }
@@ -84,7 +84,7 @@ fn tracks(state: &[u8]) {
 
 fn verdicts(head: &[u8], tiles: &[([i32; 3], Vec<u8>)]) {
     let Ok(mut fti) = Fti::restore(fti::Parameters::default(), head, borrowed(tiles)) else { return };
-    let last = fti.last_scan().map_or(0, |(seq, _)| seq);
+    let last = fti.last_scan().map_or(0, |scan| scan.seq);
     for (k, scan) in (1..).zip(&SCANS[..3]) {
         fti.take(fti::Input::Scan { seq: last.saturating_add(k), stamp_ns: 1_000_000_000_000 + k * 100_000_000, scan });
     }

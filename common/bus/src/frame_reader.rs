@@ -8,7 +8,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
-use messages::{FrameHeader, FrameLayout, Header, Pictures, PixelFormat};
+use messages::{FrameHeader, FrameLayout, Header, Pictures, PixelFormat, StreamCursor};
 
 use crate::clock::DeploymentClock;
 use crate::connections::Connections;
@@ -125,6 +125,12 @@ impl<P: Pictures> Frame<P> {
     #[must_use]
     pub fn stamp_ns(&self) -> u64 {
         self.header().header.stamp_ns
+    }
+
+    /// Number and stamp.
+    #[must_use]
+    pub fn cursor(&self) -> StreamCursor {
+        StreamCursor { seq: self.seq(), stamp_ns: self.stamp_ns() }
     }
 
     /// Pictures missing between the one before and this one.

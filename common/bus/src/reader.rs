@@ -8,7 +8,7 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
-use messages::{Header, Payload};
+use messages::{Header, Payload, StreamCursor};
 
 use crate::clock::DeploymentClock;
 use crate::connections::Connections;
@@ -101,6 +101,12 @@ impl<T: Payload> Message<T> {
     #[must_use]
     pub fn stamp_ns(&self) -> u64 {
         self.sample.user_header().0.stamp_ns
+    }
+
+    /// Number and stamp.
+    #[must_use]
+    pub fn cursor(&self) -> StreamCursor {
+        StreamCursor { seq: self.seq(), stamp_ns: self.stamp_ns() }
     }
 
     /// The run it belongs to.

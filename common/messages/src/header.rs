@@ -1,5 +1,7 @@
 //! The header of every message.
 
+use serde::{Deserialize, Serialize};
+
 use crate::layout::plain;
 use crate::numbered::numbered;
 
@@ -36,7 +38,7 @@ plain! {
 /// cursor.advance(StreamCursor { seq: 6, stamp_ns: 600 });
 /// assert_eq!(cursor, StreamCursor { seq: 7, stamp_ns: 700 });
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct StreamCursor {
     /// Its sequence number; 0 before the first message.
     pub seq: u64,

@@ -8,17 +8,23 @@
 //! Modes of failure that this crate answers for: a hung work loop sends no heartbeat, since no other thread does; a checkpoint is
 //! read whole or not at all.
 
+mod answers;
 mod aside;
 mod checkpoint;
+mod fold;
 mod journal;
 mod observer;
+mod recent;
 mod run_state;
 mod shell;
 mod signals;
 
+pub use answers::Answers;
 pub use checkpoint::{Checkpoint, Parts, Snapshot};
+pub use fold::{Fold, run_fold};
 pub use journal::PartKey;
 pub use observer::Observer;
+pub use recent::Recent;
 pub use run_state::{PersistedState, RunState};
 pub use shell::{Context, Next, Process, RunError, Shell, StepError};
 pub use signals::Signals;

@@ -4,13 +4,15 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 use bus::{BusError, DomainError, FrameReader, FrameWriter, Injection, Membership, MembershipError, Ports, Reader, Received, Tap, Writer};
-use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Service, Text};
+use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Text};
 
 use crate::checkpoint::{Checkpoint, SaveError};
 use crate::signals::Signals;
 
 /// Longest time between two heartbeats of a work loop that does not hang.
 const HEARTBEAT: Duration = Duration::from_millis(200);
+/// How long a round takes messages: half of the time between two heartbeats, so that the work on its last message has the other.
+const ROUND: Duration = Duration::from_millis(100);
 /// How long a finished process keeps its outputs, so that readers which have just joined get what it sent last.
 const LINGER: Duration = Duration::from_millis(100);
 
@@ -55,6 +57,7 @@ pub enum Next {
 /// What a step may ask of its shell.
 pub struct Context<'a> {
     stopping: bool,
+    began: Instant,
     membership: &'a Membership,
     report: &'a mut Report,
 }
@@ -248,7 +251,7 @@ impl Shell {
         let mut beaten = Instant::now();
         loop {
             let stopping = self.signals.requested().is_some();
-            let mut context = Context { stopping, membership: &self.membership, report: &mut self.report };
+            let mut context = Context { stopping, began: Instant::now(), membership: &self.membership, report: &mut self.report };
             let next = process.step(&mut context).map_err(RunError::Step)?;
             self.report.rounds += 1;
             self.publish_progress()?;
@@ -362,6 +365,13 @@ impl Context<'_> {
         self.stopping
     }
 
+    /// Whether the step has worked for so long that it should return [`Next::Again`]: no other thread sends the heartbeat. Work on
+    /// one message or one piece of a result ends before it asks.
+    #[must_use]
+    pub fn round_is_over(&self) -> bool {
+        self.began.elapsed() >= ROUND
+    }
+
     /// Sensor time for drivers, ns since the Unix epoch: runs `speed` times faster than the wall. Nothing but a driver asks.
     #[must_use]
     pub fn now_ns(&self) -> u64 {
@@ -392,19 +402,19 @@ impl Context<'_> {
 
     /// Says that every message of the source stream `T` up to `seq` is answered for; lockstep playback goes by it.
     pub fn answered<T: Payload>(&mut self, seq: u64) {
-        self.answered_on(&T::SERVICE, seq);
+        self.answered_on(T::SERVICE.name, seq);
     }
 
     /// As [`Context::answered`], for a stream of pictures.
     pub fn answered_frames<P: Pictures>(&mut self, seq: u64) {
-        self.answered_on(&P::SERVICE, seq);
+        self.answered_on(P::SERVICE.name, seq);
     }
 
-    fn answered_on(&mut self, service: &Service, seq: u64) {
+    pub(crate) fn answered_on(&mut self, service: &'static str, seq: u64) {
         let answers = &mut self.report.answers;
-        match answers.iter_mut().find(|answer| answer.service == service.name) {
+        match answers.iter_mut().find(|answer| answer.service == service) {
             Some(answer) => answer.seq = seq,
-            None => answers.push(Answer { service: service.name, seq, published: None }),
+            None => answers.push(Answer { service, seq, published: None }),
         }
     }
 }

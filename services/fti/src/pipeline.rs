@@ -1,7 +1,7 @@
 //! The algorithm of section 6, scan by scan: [`Fti::integrate`] is the way of one.
 
 use geometry::{Beam, CellSize};
-use messages::{FilterVerdict, MAX_OUTLOOK_SCANS, OutlookScan, Payload, Pose, SonarScan, VerdictOutlook, Walkers};
+use messages::{FilterVerdict, MAX_OUTLOOK_SCANS, OutlookScan, Payload, Pose, SonarScan, StreamCursor, VerdictOutlook, Walkers};
 
 use crate::answer::{self, Verdict};
 use crate::evidence::Evidence;
@@ -173,8 +173,8 @@ impl Fti {
     /// The last scan that was integrated: its number and time; the verdict on it comes a horizon later, at once when there is no
     /// horizon.
     #[must_use]
-    pub fn last_scan(&self) -> Option<(u64, u64)> {
-        self.evidence.pending.back().or(self.evidence.recent.back()).map(|scan| (scan.seq, scan.stamp_ns))
+    pub fn last_scan(&self) -> Option<StreamCursor> {
+        self.evidence.pending.back().or(self.evidence.recent.back()).map(|scan| StreamCursor { seq: scan.seq, stamp_ns: scan.stamp_ns })
     }
 
     /// The verdicts to come as they stand now, on the newest pending scans.

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use messages::{Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan};
+use messages::{Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan, StreamCursor};
 use proptest::prelude::*;
 use stillmap_fti::{Camera, Fti, Input, Parameters, Patience, StateError, Verdict};
 
@@ -144,11 +144,14 @@ fn the_last_scan_is_told_whether_its_verdict_is_to_come_or_given() {
         assert_eq!(fti.last_scan(), None);
         for seq in 1..=SCANS {
             drop(feed(&mut fti, seq..=seq, false));
-            assert_eq!(fti.last_scan(), Some((seq, seq * 100_000_000)), "a horizon of {horizon_s} s");
+            assert_eq!(fti.last_scan(), Some(StreamCursor { seq, stamp_ns: seq * 100_000_000 }), "a horizon of {horizon_s} s");
         }
         drop(finish(&mut fti));
         let restored = restore(parameters, &save(&fti)).unwrap();
-        assert_eq!((fti.last_scan(), restored.last_scan()), (Some((SCANS, SCANS * 100_000_000)), fti.last_scan()));
+        assert_eq!(
+            (fti.last_scan(), restored.last_scan()),
+            (Some(StreamCursor { seq: SCANS, stamp_ns: SCANS * 100_000_000 }), fti.last_scan())
+        );
     }
 }
 
@@ -304,6 +307,6 @@ fn whoever_was_followed_before_a_long_pause_is_not_led_on_beyond_it() {
     fti.step(Input::Camera { stamp_ns, motion: &frame(5.5) });
     fti.step(Input::Scan { seq: walking + 1, stamp_ns, scan: &scan(5.5) });
     fti.step(Input::Sonar { seq: walking + 1, motion: &SonarMotion::default() });
-    assert_eq!(fti.last_scan(), Some((walking + 1, stamp_ns)));
+    assert_eq!(fti.last_scan(), Some(StreamCursor { seq: walking + 1, stamp_ns }));
     assert_eq!(fti.walkers().count, 0);
 }

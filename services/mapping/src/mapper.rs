@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use messages::{FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, VerdictOutlook, WayChunk};
+use messages::{
+    FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, StreamCursor, VerdictOutlook, WayChunk,
+};
 
 use geometry::{CellSize, TileKey};
 
@@ -116,13 +118,6 @@ pub struct Counts {
     pub undecided: u64,
 }
 
-/// Place and time of a scan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Mark {
-    pub(crate) seq: u64,
-    pub(crate) stamp_ns: u64,
-}
-
 /// The map's owner: scans and verdicts in, lattices out.
 ///
 /// What is committed depends on the scans and their verdicts alone, not on when a verdict came, unless at sensor pace it
@@ -141,7 +136,7 @@ pub struct Mapper {
     pub(crate) early: BTreeMap<u64, Decision>,
     pub(crate) way: Way,
     /// The last scan taken; all zero before the first.
-    pub(crate) last: Mark,
+    pub(crate) last: StreamCursor,
     pub(crate) counts: Counts,
 }
 
@@ -162,7 +157,7 @@ impl Mapper {
             pending: VecDeque::new(),
             early: BTreeMap::new(),
             way: Way::default(),
-            last: Mark::default(),
+            last: StreamCursor::default(),
             counts: Counts::default(),
         })
     }
@@ -174,7 +169,7 @@ impl Mapper {
     pub fn step(&mut self, input: Input<'_>) -> Result<(), Refused> {
         match input {
             Input::Scan { seq, stamp_ns, scan } => {
-                self.take_scan(Mark { seq, stamp_ns }, scan)?;
+                self.take_scan(StreamCursor { seq, stamp_ns }, scan)?;
                 self.commit_while(|rule, scan| decided(rule, scan, stamp_ns));
             }
             Input::Verdict { seq, verdict } => {
@@ -188,8 +183,8 @@ impl Mapper {
         Ok(())
     }
 
-    fn take_scan(&mut self, mark: Mark, scan: &SonarScan) -> Result<(), Refused> {
-        let Mark { seq, stamp_ns } = mark;
+    fn take_scan(&mut self, at: StreamCursor, scan: &SonarScan) -> Result<(), Refused> {
+        let StreamCursor { seq, stamp_ns } = at;
         scan.validate().map_err(|source| Refused::Invalid { seq, source })?;
         if seq <= self.last.seq {
             return Err(Refused::RepeatedScan { seq, last: self.last.seq });
@@ -197,7 +192,7 @@ impl Mapper {
         if stamp_ns < self.last.stamp_ns {
             return Err(Refused::BackInTime { seq, stamp_ns, last_ns: self.last.stamp_ns });
         }
-        self.last = mark;
+        self.last = at;
         self.way.visit(&scan.pose);
         // Verdicts on scans that were lost on the way wait for nothing.
         self.early = self.early.split_off(&seq);
@@ -348,10 +343,10 @@ impl Mapper {
         self.pending.len()
     }
 
-    /// Place and time of the last scan taken: 0 and 0 before the first.
+    /// The last scan taken.
     #[must_use]
-    pub fn last_scan(&self) -> (u64, u64) {
-        (self.last.seq, self.last.stamp_ns)
+    pub fn last_scan(&self) -> StreamCursor {
+        self.last
     }
 
     /// Every verdict up to this place has been taken, or can no longer be.

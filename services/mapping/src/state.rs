@@ -17,11 +17,13 @@
 //! A tile is named by its layer (0 filtered, 1 unfiltered), row and column, and is 1024 cells f32.
 
 use geometry::{Lattice, TileKey};
-use messages::{FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, UpdateRegion};
+use messages::{
+    FilterAction, FilterVerdict, MAX_READINGS, MAX_REGIONS, Payload, Pose, SonarReading, SonarScan, StreamCursor, UpdateRegion,
+};
 
 use crate::codec::{Decoder, Encode, StateError};
 use crate::layer::Layer;
-use crate::mapper::{Counts, MAX_EARLY, Mapper, Mark};
+use crate::mapper::{Counts, MAX_EARLY, Mapper};
 use crate::pending::{Decision, PendingScan};
 use crate::way::{MAX_LENGTH_M, MAX_PLACES, Way};
 
@@ -88,7 +90,7 @@ impl Mapper {
         from.require(l_max.to_bits() == mapper.integrator.l_max.to_bits(), l_max, "the limit of log-odds that is set")?;
         let unfiltered = from.u32()?;
         from.require(unfiltered == u32::from(mapper.unfiltered.is_some()), unfiltered, "an unfiltered layer as it is set")?;
-        mapper.last = Mark { seq: from.u64()?, stamp_ns: from.u64()? };
+        mapper.last = StreamCursor { seq: from.u64()?, stamp_ns: from.u64()? };
         mapper.counts = Counts { scans: from.u64()?, readings: from.u64()?, withheld: from.u64()?, undecided: from.u64()? };
         mapper.way = take_way(from)?;
         for _ in 0..from.count(56)? {

@@ -1,4 +1,4 @@
-//! The process around the mapper: scans and verdicts from the bus, tiles to it, files at the end.
+//! The process around the mapper: scans and verdicts in, tiles out, files at the end.
 
 mod parameters;
 
@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Writer};
-use messages::{FilterVerdict, Layer, MapSummary, MapTile, Replay, SonarScan, VerdictOutlook, WayChunk};
-use runtime::{Checkpoint, Context, Next, PartKey, Parts, Process, RunError, Shell, StepError};
+use messages::{FilterVerdict, Layer, MapSummary, MapTile, Payload, Service, SonarScan, StreamCursor, VerdictOutlook, WayChunk};
+use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Shell, StepError, run_fold};
 use settings::{Pace, Settings};
 
 use ::mapping::export::MapCopy;
@@ -15,16 +15,14 @@ use ::mapping::{Input, Mapper, ParametersError, Refused, write_files};
 
 pub(crate) use parameters::parameters;
 
-/// Most messages taken in one round, so that the heartbeat is never late.
-const TAKEN_PER_ROUND: usize = 256;
-/// Most tiles sent in one round: a fraction of a reader's buffer, which it has time to empty before the next.
+/// Most tiles published in one round: a fraction of a reader's buffer, which the reader has time to empty before the next round.
 const TILES_PER_ROUND: usize = 64;
-/// Most pieces of the way sent in one round.
+/// Most pieces of the path published in one round.
 const WAY_CHUNKS_PER_ROUND: usize = 16;
-/// Time between two rounds of sending as long as tiles wait.
+/// Time between two rounds of publishing while tiles wait.
 const SENDING_PAUSE: Duration = Duration::from_millis(5);
-/// Shortest time between two looks at what has changed: a little less than the period of a robot's scans, so that live each is
-/// shown at once, while a fast replay sends no more than people can see.
+/// Shortest time between two updates of the displayed map: a little less than the period of a robot's scans, so that live each scan
+/// is shown at once, while a fast replay sends no more than people can see.
 const SHOWING_PERIOD: Duration = Duration::from_millis(90);
 /// How long after the last scan the end of the verdicts is waited for, live.
 const VERDICTS_END: Duration = Duration::from_secs(5);
@@ -32,10 +30,10 @@ const VERDICTS_END: Duration = Duration::from_secs(5);
 /// The counter of scans from which on poses may be off against the map before.
 pub(crate) const DOUBTFUL_POSES: &str = "doubtful poses";
 
-/// How mapping ended that should not have.
+/// An error that ends mapping.
 #[derive(Debug, thiserror::Error)]
 pub enum MappingError {
-    /// The settings make no mapper.
+    /// The settings are out of range.
     #[error("[mapping]: {0}")]
     Parameters(#[from] ParametersError),
     /// A service cannot be used.
@@ -49,13 +47,14 @@ pub enum MappingError {
 /// Maps until the scans end or the process is asked to stop, then writes the map.
 ///
 /// # Errors
-/// Settings that make no mapper, a bus that fails, or files that cannot be written.
+/// Settings out of range, a bus that fails, or files that cannot be written.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), MappingError> {
-    let mut mapping = Mapping::new(&mut shell, settings)?;
-    Ok(shell.run(&mut mapping)?)
+    let checkpoint = shell.checkpoint();
+    let mut mapping = Mapping::new(&mut shell, &checkpoint, settings)?;
+    Ok(run_fold(shell, checkpoint, &mut mapping)?)
 }
 
-/// The verdicts, and what they are expected to be.
+/// The final verdicts, and the outlook on those to come.
 struct Verdicts {
     given: Reader<FilterVerdict>,
     outlooks: Reader<VerdictOutlook>,
@@ -68,9 +67,6 @@ struct Mapping {
     tiles: Writer<MapTile>,
     way: Writer<WayChunk>,
     summary: Writer<MapSummary>,
-    checkpoint: Checkpoint,
-    /// Last scan that the checkpoint includes.
-    checkpointed: u64,
     out: PathBuf,
     pace: Pace,
     layers: &'static [Layer],
@@ -78,26 +74,96 @@ struct Mapping {
     news: bool,
     shown_at: Option<Instant>,
     scans_ended_at: Option<Instant>,
-    /// Everything is integrated for good; what is left is to send and to write it.
-    over: bool,
     refused: u64,
     /// Scans from which on poses may be off against the map before.
     doubtful: u64,
 }
 
+impl Fold for Mapping {
+    const SOURCE: Service = SonarScan::SERVICE;
+
+    fn take(&mut self) -> Result<bool, StepError> {
+        let taken = self.take_scan()? | self.take_verdict()?;
+        self.news |= taken;
+        Ok(taken)
+    }
+
+    fn received(&self) -> StreamCursor {
+        self.mapper.last_scan()
+    }
+
+    /// Whether the scans have ended and no verdict is missing, or none is waited for any longer.
+    fn is_complete(&self) -> bool {
+        let Some(ended_at) = self.scans_ended_at else { return false };
+        let all_decided = self.mapper.decided_up_to() == self.mapper.last_scan().seq;
+        let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
+        match &self.verdicts {
+            None => true,
+            Some(verdicts) => verdicts.given.ended() || all_decided || out_of_patience,
+        }
+    }
+
+    fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
+        checkpoint.save_parts(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
+        Ok(())
+    }
+
+    fn publish(&mut self, _: bool) -> Result<Next, StepError> {
+        if self.tiles.joined() | self.way.joined() {
+            self.mapper.send_again();
+        }
+        let next_look = self.show();
+        if self.send()? {
+            return Ok(Next::WaitAtMost(SENDING_PAUSE));
+        }
+        Ok(next_look.map_or(Next::Wait, Next::WaitAtMost))
+    }
+
+    /// Integrates what is pending.
+    fn end(&mut self) -> Result<(), StepError> {
+        self.mapper.step(Input::End)?;
+        self.mapper.refresh();
+        self.news = false;
+        Ok(())
+    }
+
+    /// Writes the files and publishes that the map is finished.
+    fn finish(&mut self, _: &Context<'_>) -> Result<Next, StepError> {
+        for path in write_files(&self.out, &MapCopy::of(&self.mapper).files()?)? {
+            tracing::info!("wrote {}", path.display());
+        }
+        let StreamCursor { seq, stamp_ns } = self.mapper.last_scan();
+        self.summary.send(seq, stamp_ns, &self.mapper.summary())?;
+        self.summary.end(seq, stamp_ns)?;
+        self.tiles.end(seq, stamp_ns)?;
+        self.way.end(seq, stamp_ns)?;
+        Ok(Next::Finished)
+    }
+
+    fn report(&mut self, context: &mut Context<'_>, _: bool) {
+        let counts = self.mapper.counts();
+        context.count("scans integrated", counts.scans);
+        context.count("readings integrated", counts.readings);
+        context.count("readings withheld", counts.withheld);
+        context.count("readings undecided", counts.undecided);
+        context.count("scans pending", self.mapper.pending_scans() as u64);
+        context.count("inputs refused", self.refused);
+        context.count(DOUBTFUL_POSES, self.doubtful);
+    }
+}
+
 impl Mapping {
-    fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, MappingError> {
+    fn new(shell: &mut Shell, checkpoint: &Checkpoint, settings: &Settings) -> Result<Self, MappingError> {
         let speed = shell.membership().speed();
         let empty = Mapper::new(&parameters(settings, speed))?;
-        let checkpoint = shell.checkpoint();
         let restored = checkpoint.restore(|saved| empty.clone().restore(saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
         let mapper = restored.unwrap_or(empty);
         let mut scans = shell.reader::<SonarScan>()?;
-        let (last_seq, last_ns) = mapper.last_scan();
-        if last_seq > 0 {
-            tracing::info!("goes on after scan {last_seq}");
+        let StreamCursor { seq, stamp_ns } = mapper.last_scan();
+        if seq > 0 {
+            tracing::info!("resumes after scan {seq}");
         }
-        scans.skip_to(last_seq, last_ns);
+        scans.skip_to(seq, stamp_ns);
         let mut verdicts = None;
         if settings.expects_verdicts() {
             let mut reader = shell.reader::<FilterVerdict>()?;
@@ -110,32 +176,16 @@ impl Mapping {
             tiles: shell.writer()?,
             way: shell.writer()?,
             summary: shell.writer()?,
-            checkpoint,
-            checkpointed: last_seq,
             out: settings.out.clone(),
             pace: settings.pace,
             layers: if settings.mapping.keep_unfiltered { &[Layer::Filtered, Layer::Unfiltered] } else { &[Layer::Filtered] },
             news: true,
             shown_at: None,
             scans_ended_at: None,
-            over: false,
             refused: 0,
             doubtful: 0,
             mapper,
         })
-    }
-
-    /// Takes what waits, up to a round's share; true when there may be more.
-    fn take_inputs(&mut self) -> Result<bool, StepError> {
-        for _ in 0..TAKEN_PER_ROUND {
-            let scan = self.take_scan()?;
-            let verdict = self.take_verdict()?;
-            if !scan && !verdict {
-                return Ok(false);
-            }
-            self.news = true;
-        }
-        Ok(true)
     }
 
     fn take_scan(&mut self) -> Result<bool, StepError> {
@@ -148,15 +198,9 @@ impl Mapping {
                     tracing::warn!("from scan {seq} on the pose is doubtful: the map may be shifted against what it was");
                 }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
-                self.note(taken);
-                if seq >= self.checkpointed + Replay::SCANS.checkpoint || self.checkpoint.is_missing() {
-                    self.save()?;
-                }
+                self.count_refused(taken);
             }
-            Some(Received::End { .. }) => {
-                self.scans_ended_at = Some(Instant::now());
-                self.save()?;
-            }
+            Some(Received::End { .. }) => self.scans_ended_at = Some(Instant::now()),
         }
         Ok(true)
     }
@@ -170,38 +214,21 @@ impl Mapping {
             None => return Ok(false),
             Some(Received::Message(verdict)) => {
                 let taken = self.mapper.step(Input::Verdict { seq: verdict.seq(), verdict: &verdict });
-                self.note(taken);
+                self.count_refused(taken);
             }
             Some(Received::End { .. }) => {}
         }
         Ok(true)
     }
 
-    fn note(&mut self, taken: Result<(), Refused>) {
+    fn count_refused(&mut self, taken: Result<(), Refused>) {
         if let Err(refused) = taken {
             self.refused += 1;
             tracing::warn!("{refused}");
         }
     }
 
-    fn save(&mut self) -> Result<(), StepError> {
-        self.checkpoint.save_parts(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
-        self.checkpointed = self.mapper.last_scan().0;
-        Ok(())
-    }
-
-    /// Whether nothing more is to come that the map could wait for.
-    fn nothing_is_to_come(&self) -> bool {
-        let Some(ended_at) = self.scans_ended_at else { return false };
-        let all_decided = self.mapper.decided_up_to() == self.mapper.last_scan().0;
-        let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
-        match &self.verdicts {
-            None => true,
-            Some(verdicts) => verdicts.given.ended() || all_decided || out_of_patience,
-        }
-    }
-
-    /// Makes what is shown anew when something came and it is time; otherwise the time until then, if something came.
+    /// Updates the displayed map when input came and the period is over; otherwise the time until then, if input came.
     fn show(&mut self) -> Option<Duration> {
         if !self.news {
             return None;
@@ -216,9 +243,9 @@ impl Mapping {
         None
     }
 
-    /// Sends what has changed, up to a round's share; true when there is more.
+    /// Publishes changed tiles and pieces of the path, as many as a round allows; true when there are more.
     fn send(&mut self) -> Result<bool, BusError> {
-        let (seq, stamp_ns) = self.mapper.last_scan();
+        let StreamCursor { seq, stamp_ns } = self.mapper.last_scan();
         let mut room = TILES_PER_ROUND;
         for &layer in self.layers {
             let keys = self.mapper.take_unsent(layer, room);
@@ -232,39 +259,6 @@ impl Mapping {
             self.way.send(seq, stamp_ns, &chunk)?;
         }
         Ok(true)
-    }
-
-    fn count(&self, context: &mut Context<'_>) {
-        let counts = self.mapper.counts();
-        context.count("scans integrated", counts.scans);
-        context.count("readings integrated", counts.readings);
-        context.count("readings withheld", counts.withheld);
-        context.count("readings undecided", counts.undecided);
-        context.count("scans pending", self.mapper.pending_scans() as u64);
-        context.count("inputs refused", self.refused);
-        context.count(DOUBTFUL_POSES, self.doubtful);
-    }
-
-    /// Integrates what is pending. Saved before: should the end fail, the next incarnation goes on from there.
-    fn decide_the_rest(&mut self) -> Result<(), StepError> {
-        self.save()?;
-        self.mapper.step(Input::End)?;
-        self.mapper.refresh();
-        self.over = true;
-        Ok(())
-    }
-
-    /// Writes the files and says that the map is finished.
-    fn finish(&mut self) -> Result<(), StepError> {
-        for path in write_files(&self.out, &MapCopy::of(&self.mapper).files()?)? {
-            tracing::info!("wrote {}", path.display());
-        }
-        let (seq, stamp_ns) = self.mapper.last_scan();
-        self.summary.send(seq, stamp_ns, &self.mapper.summary())?;
-        self.summary.end(seq, stamp_ns)?;
-        self.tiles.end(seq, stamp_ns)?;
-        self.way.end(seq, stamp_ns)?;
-        Ok(())
     }
 }
 
@@ -282,33 +276,5 @@ impl Parts for Tiles<'_> {
 
     fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
         self.0.save_tile(key, bytes);
-    }
-}
-
-impl Process for Mapping {
-    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
-        let more_waits = self.take_inputs()?;
-        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
-        context.answered::<SonarScan>(self.mapper.last_scan().0);
-        if !self.over && !more_waits && (context.stopping() || self.nothing_is_to_come()) {
-            self.decide_the_rest()?;
-        }
-        self.count(context);
-        if self.tiles.joined() | self.way.joined() {
-            self.mapper.send_again();
-        }
-        let next_look = self.show();
-        let more_to_send = self.send()?;
-        if more_waits {
-            return Ok(Next::Again);
-        }
-        if more_to_send {
-            return Ok(Next::WaitAtMost(SENDING_PAUSE));
-        }
-        if self.over {
-            self.finish()?;
-            return Ok(Next::Finished);
-        }
-        Ok(next_look.map_or(Next::Wait, Next::WaitAtMost))
     }
 }

@@ -1,28 +1,26 @@
-//! The process around SBS: frames from the bus, an answer to each onto it.
+//! The process around SBS: frames in, an answer to each out.
 
-mod kept;
 mod parameters;
 mod remarks;
 
-use bus::{BusError, FrameReader, FrameWriter, Received, Writer};
-use messages::{CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, PixelFormat, Replay, StreamCursor};
-use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
+use bus::{BusError, FrameReader, FrameWriter, Received};
+use messages::{
+    CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Pictures, PixelFormat, Service, StreamCursor,
+};
+use runtime::{Answers, Checkpoint, Context, Fold, Next, Recent, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Pace, Settings};
 
 use ::sbs::plane::Plane;
 use ::sbs::transform::Transform;
-use ::sbs::{Frame, Remark};
+use ::sbs::{CheckpointError, Frame, Parameters, Remark, State};
 
-use kept::Kept;
 pub(crate) use parameters::parameters;
 use remarks::Remarks;
 
-/// Frames between two background pictures: they are for people.
+/// Frames between two background pictures, which are for display only.
 const BACKGROUND_FRAMES: u64 = 8;
-/// Most frames worked on in one round, so that the heartbeat is never late.
-const TAKEN_PER_ROUND: usize = 16;
 
-/// How SBS ended that should not have.
+/// An error that ends SBS.
 #[derive(Debug, thiserror::Error)]
 pub enum SbsError {
     /// A service cannot be used.
@@ -38,9 +36,11 @@ pub enum SbsError {
 /// # Errors
 /// When the bus fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SbsError> {
-    let mut subtraction = Subtraction::new(&mut shell, settings)?;
+    // A new start of the deployment learns the background again: the robot stands, and the scene may have changed.
+    let checkpoint = shell.volatile_checkpoint();
+    let mut subtraction = Subtraction::new(&mut shell, &checkpoint, settings)?;
     shell.linger_until(settings.named(BuiltIn::Fti));
-    Ok(shell.run(&mut subtraction)?)
+    Ok(run_fold(shell, checkpoint, &mut subtraction)?)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -53,84 +53,101 @@ struct Counts {
 }
 
 struct Subtraction {
-    kept: Kept,
+    state: State,
     frames: FrameReader<CameraFrame>,
-    motions: Writer<CameraMotion>,
+    motions: Answers<CameraMotion>,
     masks: FrameWriter<CameraMask>,
     backgrounds: FrameWriter<CameraBackground>,
-    checkpoint: Checkpoint,
-    /// Last frame that the checkpoint includes.
-    checkpointed: u64,
-    /// The last checkpoint: the next one takes its memory.
-    saved: Vec<u8>,
+    /// Memory of the last checkpoint, which the next one reuses.
+    buffer: Vec<u8>,
     lockstep: bool,
     counts: Counts,
     remarks: Remarks,
 }
 
-impl Process for Subtraction {
-    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
-        let mut next = Next::Again;
-        for _ in 0..TAKEN_PER_ROUND {
-            if !self.answer_next()? {
-                next = if self.frames.ended() || context.stopping() { Next::Finished } else { Next::Wait };
-                break;
-            }
-        }
-        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
-        context.answered_frames::<CameraFrame>(self.kept.place.seq);
-        if next == Next::Finished {
-            self.finish()?;
-        }
-        self.report(context);
-        Ok(next)
-    }
-}
+impl Fold for Subtraction {
+    const SOURCE: Service = CameraFrame::SERVICE;
 
-impl Subtraction {
-    fn new(shell: &mut Shell, settings: &Settings) -> Result<Self, BusError> {
-        // A start of the deployment is no moment to go on with the background of another: the robot stands, and it is learnt anew.
-        let checkpoint = shell.volatile_checkpoint();
-        let kept = Kept::take_up(&checkpoint, parameters(settings));
-        let mut frames = shell.frame_reader()?;
-        frames.skip_to(kept.place.seq, kept.place.stamp_ns);
-        if settings.pace == Pace::Live {
-            frames.join();
-        }
-        let mut motions: Writer<CameraMotion> = shell.writer()?;
-        kept.recent.republish(&mut motions)?;
-        Ok(Self {
-            checkpointed: kept.place.seq,
-            kept,
-            frames,
-            motions,
-            masks: shell.frame_writer()?,
-            backgrounds: shell.frame_writer()?,
-            checkpoint,
-            saved: Vec::new(),
-            lockstep: settings.pace == Pace::Lockstep,
-            counts: Counts::default(),
-            remarks: Remarks::default(),
-        })
-    }
-
-    /// Answers the next frame; false when none waits.
-    fn answer_next(&mut self) -> Result<bool, StepError> {
+    fn take(&mut self) -> Result<bool, StepError> {
         let frame = self.next_frame()?;
-        if let Some(refused) = self.frames.take_refused().filter(|refused| refused.seq > self.kept.place.seq) {
-            let is_before = frame.as_ref().is_none_or(|frame| refused.seq < frame.seq());
-            if is_before {
-                // What follows must not seem to run backwards because this one does.
-                let stamp_ns = refused.stamp_ns.max(self.kept.place.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
-                self.refuse(StreamCursor { seq: refused.seq, stamp_ns }, &refused.problem)?;
-            }
+        let last = self.motions.last();
+        if let Some(refused) = self.frames.take_refused().filter(|refused| refused.seq > last.seq)
+            && frame.as_ref().is_none_or(|frame| refused.seq < frame.seq())
+        {
+            // The stamps of the answers must not run backwards because that of a refused frame does.
+            let stamp_ns = refused.stamp_ns.max(last.stamp_ns).min(frame.as_ref().map_or(u64::MAX, bus::Frame::stamp_ns));
+            self.refuse(StreamCursor { seq: refused.seq, stamp_ns }, &refused.problem)?;
         }
         let Some(frame) = frame else { return Ok(false) };
         self.answer(&frame)?;
         Ok(true)
     }
 
-    /// The next frame, live the newest: what waits when a newer one is there is skipped and counted.
+    fn received(&self) -> StreamCursor {
+        self.motions.last()
+    }
+
+    fn is_complete(&self) -> bool {
+        self.frames.ended()
+    }
+
+    fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
+        self.buffer.clear();
+        let recent = self.motions.recent().to_bytes();
+        self.buffer.extend((recent.len() as u64).to_le_bytes());
+        self.buffer.extend(recent);
+        self.state.write_to(&mut self.buffer);
+        checkpoint.save(&self.buffer);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &Context<'_>) -> Result<Next, StepError> {
+        let StreamCursor { seq, stamp_ns } = self.motions.last();
+        self.motions.end()?;
+        self.masks.end(seq, stamp_ns)?;
+        self.backgrounds.end(seq, stamp_ns)?;
+        Ok(Next::Finished)
+    }
+
+    fn report(&mut self, context: &mut Context<'_>, _: bool) {
+        let Counts { answered, skipped, refused, not_compensated, blobs } = self.counts;
+        context.count("frames answered", answered);
+        context.count("frames skipped", skipped);
+        context.count("frames refused", refused);
+        context.count("frames not compensated", not_compensated);
+        context.count("blobs", blobs);
+        context.note(self.remarks.now());
+    }
+}
+
+impl Subtraction {
+    fn new(shell: &mut Shell, checkpoint: &Checkpoint, settings: &Settings) -> Result<Self, BusError> {
+        let parameters = parameters(settings);
+        let restored = checkpoint.restore(|saved| restore(parameters.clone(), saved.state));
+        let (state, recent) = restored.unwrap_or_else(|| (State::new(parameters), Recent::default()));
+        let StreamCursor { seq, stamp_ns } = recent.last();
+        if seq > 0 {
+            tracing::info!("resumes after frame {seq}");
+        }
+        let mut frames = shell.frame_reader()?;
+        frames.skip_to(seq, stamp_ns);
+        if settings.pace == Pace::Live {
+            frames.join();
+        }
+        Ok(Self {
+            state,
+            frames,
+            motions: Answers::new(shell, recent)?,
+            masks: shell.frame_writer()?,
+            backgrounds: shell.frame_writer()?,
+            buffer: Vec::new(),
+            lockstep: settings.pace == Pace::Lockstep,
+            counts: Counts::default(),
+            remarks: Remarks::default(),
+        })
+    }
+
+    /// The next frame; live the newest one: older frames that wait are skipped and counted.
     fn next_frame(&mut self) -> Result<Option<bus::Frame<CameraFrame>>, BusError> {
         let mut newest = None;
         while let Some(received) = self.frames.take()? {
@@ -144,84 +161,58 @@ impl Subtraction {
     }
 
     fn answer(&mut self, frame: &bus::Frame<CameraFrame>) -> Result<(), StepError> {
-        let place = StreamCursor { seq: frame.seq(), stamp_ns: frame.stamp_ns() };
-        let answer =
-            self.kept.state.step(&Frame { stamp_ns: place.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
-        if let Some(words) = self.remarks.answered(place.seq, &answer) {
-            tracing::info!("{words}");
+        let at = frame.cursor();
+        let answer = self.state.step(&Frame { stamp_ns: at.stamp_ns, layout: frame.layout(), bytes: frame.bytes(), odometry: None });
+        if let Some(remark) = self.remarks.answered(at.seq, &answer) {
+            tracing::info!("{remark}");
         }
         self.counts.refused += u64::from(matches!(answer.remark, Remark::Refused(_)));
         self.counts.not_compensated += u64::from(answer.motion.status == CameraStatus::NotCompensated as u32);
         self.counts.blobs += u64::from(answer.motion.count);
-        self.send(place, answer.motion)?;
-        self.show()?;
-        if place.seq >= self.checkpointed + Replay::FRAMES.checkpoint || self.checkpoint.is_missing() {
-            self.save()?;
-        }
-        Ok(())
+        self.publish_answer(at, &answer.motion)?;
+        Ok(self.publish_pictures(at)?)
     }
 
-    /// Answers a frame whose shape or time cannot be meant.
-    fn refuse(&mut self, place: StreamCursor, problem: &str) -> Result<(), StepError> {
-        if let Some(words) = self.remarks.refused(place.seq, problem) {
-            tracing::warn!("{words}");
+    /// Answers a frame whose shape or time is not valid.
+    fn refuse(&mut self, at: StreamCursor, problem: &str) -> Result<(), StepError> {
+        if let Some(remark) = self.remarks.refused(at.seq, problem) {
+            tracing::warn!("{remark}");
         }
         let transform = Transform::identity().rows();
         let motion = CameraMotion { transform, status: CameraStatus::Refused as u32, ..CameraMotion::default() };
         self.counts.refused += 1;
-        Ok(self.send(place, motion)?)
+        Ok(self.publish_answer(at, &motion)?)
     }
 
-    fn send(&mut self, place: StreamCursor, motion: CameraMotion) -> Result<(), BusError> {
-        self.motions.send(place.seq, place.stamp_ns, &motion)?;
+    fn publish_answer(&mut self, at: StreamCursor, motion: &CameraMotion) -> Result<(), BusError> {
         self.counts.answered += 1;
-        self.kept.answered(place, &motion);
-        Ok(())
+        self.motions.publish(at, motion)
     }
 
-    /// Sends pictures to whoever looks.
-    fn show(&mut self) -> Result<(), BusError> {
-        let StreamCursor { seq, stamp_ns } = self.kept.place;
+    /// Publishes mask and background where a process reads them.
+    fn publish_pictures(&mut self, StreamCursor { seq, stamp_ns }: StreamCursor) -> Result<(), BusError> {
         if self.masks.is_read()
-            && let Some(mask) = self.kept.state.mask()
+            && let Some(mask) = self.state.mask()
         {
             self.masks.send(seq, stamp_ns, grey(&mask), mask.values())?;
         }
         if seq.is_multiple_of(BACKGROUND_FRAMES)
             && self.backgrounds.is_read()
-            && let Some(background) = self.kept.state.background()
+            && let Some(background) = self.state.background()
         {
             self.backgrounds.send(seq, stamp_ns, grey(&background), background.values())?;
         }
         Ok(())
     }
+}
 
-    fn save(&mut self) -> Result<(), StepError> {
-        self.saved.clear();
-        self.kept.write_to(&mut self.saved);
-        self.checkpoint.save(&self.saved);
-        self.checkpointed = self.kept.place.seq;
-        Ok(())
-    }
-
-    fn finish(&mut self) -> Result<(), StepError> {
-        self.save()?;
-        let StreamCursor { seq, stamp_ns } = self.kept.place;
-        self.motions.end(seq, stamp_ns)?;
-        self.masks.end(seq, stamp_ns)?;
-        self.backgrounds.end(seq, stamp_ns)?;
-        Ok(())
-    }
-
-    fn report(&self, context: &mut Context<'_>) {
-        let Counts { answered, skipped, refused, not_compensated, blobs } = self.counts;
-        context.count("frames answered", answered);
-        context.count("frames skipped", skipped);
-        context.count("frames refused", refused);
-        context.count("frames not compensated", not_compensated);
-        context.count("blobs", blobs);
-        context.note(self.remarks.now());
-    }
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(State, Recent<CameraMotion>), CheckpointError> {
+    let short = |needed: usize| CheckpointError::Short { offset: 0, needed, found: bytes.len() };
+    let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(|| short(8))?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let (recent, state) = rest.split_at_checked(length).ok_or_else(|| short(length))?;
+    let recent = Recent::from_bytes(recent).ok_or(CheckpointError::Value { offset: 8 + length, what: "the last answers" })?;
+    Ok((State::restore(parameters, state)?, recent))
 }
 
 fn grey(plane: &Plane<u8>) -> FrameLayout {
@@ -233,14 +224,15 @@ mod tests {
     use super::*;
     use bus::Domain;
 
-    /// What is worked on of five frames that wait, and how many are skipped.
+    /// The frames that are processed of five that wait, and the number of frames that are skipped.
     fn taken(pace: &str) -> (Vec<u64>, u64) {
         let domain = Domain::open(&format!("test-sbs-skip-{pace}-{}", std::process::id()), 1.0).unwrap();
         let mut source = Shell::join(domain.membership_for("source", 0, "x".as_ref())).unwrap();
         let mut shell = Shell::join(domain.membership_for("sbs", 0, "x".as_ref())).unwrap();
         let text = format!("name = \"x\"\npace = \"{pace}\"\n[[process]]\nname = \"p\"\nrun = \"playback\"\n");
         let settings = Settings::parse("x.toml", &text).unwrap();
-        let mut subtraction = Subtraction::new(&mut shell, &settings).unwrap();
+        let checkpoint = shell.volatile_checkpoint();
+        let mut subtraction = Subtraction::new(&mut shell, &checkpoint, &settings).unwrap();
         let mut frames: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
         let layout = FrameLayout::packed(80, 60, PixelFormat::Grey);
         for seq in 1..=5 {
@@ -259,12 +251,12 @@ mod tests {
     }
 
     #[test]
-    fn live_what_waits_behind_a_newer_frame_is_skipped_and_counted() {
+    fn live_a_frame_behind_a_newer_one_is_skipped_and_counted() {
         assert_eq!(taken("live"), (vec![5], 4));
     }
 
     #[test]
-    fn in_lockstep_nothing_is_skipped() {
+    fn in_lockstep_no_frame_is_skipped() {
         assert_eq!(taken("lockstep"), (vec![1, 2, 3, 4, 5], 0));
     }
 }

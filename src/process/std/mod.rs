@@ -1,22 +1,19 @@
-//! The process around STD: scans from the bus, an answer to each onto it.
+//! The process around STD: scans in, an answer to each out.
 
 mod parameters;
 
-use bus::{BusError, Reader, Received, Recent, Writer};
-use messages::{Replay, SonarMotion, SonarScan, StreamCursor};
-use runtime::{Checkpoint, Context, Next, Process, RunError, Shell, StepError};
+use bus::{BusError, Reader, Received};
+use messages::{Payload, Service, SonarMotion, SonarScan, StreamCursor};
+use runtime::{Answers, Checkpoint, Context, Fold, Next, Recent, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Settings};
 use stillmap_std::{Parameters, ParametersError, StateError, Std};
 
 pub(crate) use parameters::parameters;
 
-/// Most scans taken in one round, so that the heartbeat is never late.
-const TAKEN_PER_ROUND: usize = 128;
-
-/// How STD ended that should not have.
+/// An error that ends STD.
 #[derive(Debug, thiserror::Error)]
 pub enum StdError {
-    /// The settings make no STD.
+    /// The settings are out of range.
     #[error("[std]: {0}")]
     Parameters(#[from] ParametersError),
     /// A service cannot be used.
@@ -30,109 +27,74 @@ pub enum StdError {
 /// Answers scans until they end or the process is asked to stop.
 ///
 /// # Errors
-/// Settings that make no STD, or a bus that fails.
+/// Settings out of range, or a bus that fails.
 pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
     let parameters = parameters(settings);
     let checkpoint = shell.checkpoint();
-    let restored = checkpoint.restore(|saved| restore(parameters, saved.state));
-    let (std, place, recent) = match restored {
+    let (std, recent) = match checkpoint.restore(|saved| restore(parameters, saved.state)) {
         Some(restored) => restored,
-        None => (Std::new(parameters)?, StreamCursor::default(), Recent::default()),
+        None => (Std::new(parameters)?, Recent::default()),
     };
-    if place.seq > 0 {
-        tracing::info!("goes on after scan {}", place.seq);
+    let StreamCursor { seq, stamp_ns } = recent.last();
+    if seq > 0 {
+        tracing::info!("resumes after scan {seq}");
     }
-    let mut scans = shell.reader::<SonarScan>()?;
-    scans.skip_to(place.seq, place.stamp_ns);
-    let mut motions = shell.writer()?;
-    recent.republish(&mut motions)?;
     shell.linger_until(settings.named(BuiltIn::Fti));
-    Ok(shell.run(&mut Difference {
-        std,
-        scans,
-        motions,
-        recent,
-        checkpoint,
-        place,
-        checkpointed: place.seq,
-        moving_scans: 0,
-        movers: 0,
-    })?)
+    let mut scans = shell.reader::<SonarScan>()?;
+    scans.skip_to(seq, stamp_ns);
+    let motions = Answers::new(&mut shell, recent)?;
+    Ok(run_fold(shell, checkpoint, &mut Difference { std, scans, motions, moving_scans: 0, movers: 0 })?)
 }
 
 struct Difference {
     std: Std,
     scans: Reader<SonarScan>,
-    motions: Writer<SonarMotion>,
-    recent: Recent<SonarMotion>,
-    checkpoint: Checkpoint,
-    /// The last scan that was answered.
-    place: StreamCursor,
-    /// Last scan that the checkpoint includes.
-    checkpointed: u64,
+    motions: Answers<SonarMotion>,
     moving_scans: u64,
     movers: u64,
 }
 
-impl Process for Difference {
-    fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
-        let mut next = Next::Again;
-        for _ in 0..TAKEN_PER_ROUND {
-            match self.scans.take()? {
-                None => {
-                    next = Next::Wait;
-                    break;
-                }
-                Some(Received::Message(scan)) => {
-                    self.place = StreamCursor { seq: scan.seq(), stamp_ns: scan.stamp_ns() };
-                    self.answer(&scan)?;
-                }
-                Some(Received::End { .. }) => {
-                    next = Next::Finished;
-                    break;
-                }
-            }
+impl Fold for Difference {
+    const SOURCE: Service = SonarScan::SERVICE;
+
+    fn take(&mut self) -> Result<bool, StepError> {
+        let Some(received) = self.scans.take()? else { return Ok(false) };
+        if let Received::Message(scan) = received {
+            let motion = self.std.step(scan.stamp_ns(), &scan);
+            self.moving_scans += u64::from(motion.count > 0);
+            self.movers += u64::from(motion.count);
+            self.motions.publish(scan.cursor(), &motion)?;
         }
-        // Also what a checkpoint includes: who saved it may have been killed before it could say so.
-        context.answered::<SonarScan>(self.place.seq);
+        Ok(true)
+    }
+
+    fn received(&self) -> StreamCursor {
+        self.motions.last()
+    }
+
+    fn is_complete(&self) -> bool {
+        self.scans.ended()
+    }
+
+    fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
+        checkpoint.save(&postcard::to_allocvec(&(self.motions.recent().to_bytes(), self.std.to_bytes()))?);
+        Ok(())
+    }
+
+    fn finish(&mut self, _: &Context<'_>) -> Result<Next, StepError> {
+        self.motions.end()?;
+        Ok(Next::Finished)
+    }
+
+    fn report(&mut self, context: &mut Context<'_>, _: bool) {
         context.count("scans with movers", self.moving_scans);
         context.count("movers", self.movers);
         context.count("tracks", self.std.tracks().len() as u64);
-        if context.stopping() && next == Next::Wait {
-            next = Next::Finished;
-        }
-        if next == Next::Finished {
-            self.save()?;
-            self.motions.end(self.place.seq, self.place.stamp_ns)?;
-        }
-        Ok(next)
     }
 }
 
-impl Difference {
-    fn answer(&mut self, scan: &SonarScan) -> Result<(), StepError> {
-        let StreamCursor { seq, stamp_ns } = self.place;
-        let motion = self.std.step(stamp_ns, scan);
-        self.moving_scans += u64::from(motion.count > 0);
-        self.movers += u64::from(motion.count);
-        self.recent.note(seq, stamp_ns, &motion);
-        self.motions.send(seq, stamp_ns, &motion)?;
-        if seq >= self.checkpointed + Replay::SCANS.checkpoint || self.checkpoint.is_missing() {
-            self.save()?;
-        }
-        Ok(())
-    }
-
-    fn save(&mut self) -> Result<(), StepError> {
-        let bytes = postcard::to_allocvec(&((self.place.seq, self.place.stamp_ns), self.recent.to_bytes(), self.std.to_bytes()))?;
-        self.checkpoint.save(&bytes);
-        self.checkpointed = self.place.seq;
-        Ok(())
-    }
-}
-
-fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, StreamCursor, Recent<SonarMotion>), StateError> {
-    let ((seq, stamp_ns), recent, state): ((u64, u64), Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
+fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Recent<SonarMotion>), StateError> {
+    let (recent, state): (Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
     let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    Ok((Std::from_bytes(parameters, &state)?, StreamCursor { seq, stamp_ns }, recent))
+    Ok((Std::from_bytes(parameters, &state)?, recent))
 }
