@@ -15,6 +15,7 @@
 
 mod bad_input;
 mod browser;
+mod diagnosis;
 mod drive;
 mod driver_kills;
 mod environment;
@@ -25,6 +26,7 @@ mod harness;
 mod kills;
 mod line_noise;
 mod live_page;
+mod machine;
 mod memory;
 mod no_space;
 mod observers;
@@ -36,3 +38,4 @@ mod resources;
 mod resume;
 mod security;
 mod soak;
+mod terminal;

@@ -5,7 +5,7 @@ pub(crate) mod blocked_file;
 mod deployment;
 pub(crate) mod inotify;
 mod map;
-mod observer;
+pub(crate) mod observer;
 pub(crate) mod processes;
 pub(crate) mod recorded_drive;
 pub(crate) mod replay;

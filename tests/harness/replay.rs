@@ -16,13 +16,15 @@ pub(crate) static DRIVE: LazyLock<Drive> = LazyLock::new(|| {
     let recorded = RecordedDrive::of(&drive, false);
     let sandbox = Sandbox::new();
     let map = sandbox.run(&replay("undisturbed", &recorded.write(&sandbox)), &[]).end().map();
-    Drive { recorded, map }
+    Drive { recorded, map, map_pgm: std::fs::read(sandbox.path("undisturbed-out").join("map.pgm")).unwrap() }
 });
 
 /// A recorded drive, and the hash of the map of its undisturbed replay.
 pub(crate) struct Drive {
     recorded: RecordedDrive,
     pub(crate) map: String,
+    /// The same map as a file.
+    pub(crate) map_pgm: Vec<u8>,
 }
 
 impl Drive {
