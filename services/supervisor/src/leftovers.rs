@@ -25,30 +25,35 @@ pub(crate) struct Origin<'a> {
 
 /// Kills every process of this origin but this one.
 pub(crate) fn kill_descendants(origin: Origin<'_>) {
+    let wanted = wanted(origin);
     for _ in 0..ROUNDS {
-        let found = descendants(origin);
-        if found.is_empty() {
-            return;
+        let (mut killed, mut unknown) = (false, false);
+        for (pid, environment) in others() {
+            if has_all(&environment, &wanted) {
+                // It may have ended meanwhile; its number is not given to another so soon.
+                let _ = kill_process(pid, Signal::KILL);
+                killed = true;
+            }
+            unknown |= environment.is_empty();
         }
-        for pid in found {
-            // It may have ended meanwhile; its number is not given to another so soon.
-            let _ = kill_process(pid, Signal::KILL);
+        if !killed && !unknown {
+            return;
         }
     }
 }
 
-/// Living processes of this user with this origin.
-fn descendants(origin: Origin<'_>) -> Vec<Pid> {
-    let wanted = wanted(origin);
+/// Living processes of this user but this one, with their environments. That of a process that is just executing a program is empty
+/// until its memory is set up.
+fn others() -> impl Iterator<Item = (Pid, Vec<u8>)> {
     let uid = getuid().as_raw();
     let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-    let pids = entries.filter_map(|entry| {
+    entries.filter_map(move |entry| {
         let pid = Pid::from_raw(entry.file_name().to_str()?.parse().ok()?)?;
         let is_ours = pid != getpid() && entry.metadata().is_ok_and(|found| found.uid() == uid);
-        // The environment of a process that has ended is empty.
-        (is_ours && has_all(&std::fs::read(entry.path().join("environ")).ok()?, &wanted)).then_some(pid)
-    });
-    pids.collect()
+        // Processes that have ended, and threads of the kernel, execute nothing.
+        let is_alive = is_ours && std::fs::read_link(entry.path().join("exe")).is_ok();
+        Some((pid, is_alive.then(|| std::fs::read(entry.path().join("environ")).ok()).flatten()?))
+    })
 }
 
 fn wanted(origin: Origin<'_>) -> Vec<Vec<u8>> {
