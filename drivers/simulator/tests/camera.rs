@@ -166,29 +166,44 @@ fn score(seed: u64, pose: impl Fn(f64) -> (Pose, f64)) -> Score {
     score
 }
 
-/// Background subtraction finds walkers here about as well as in the sequences that it was made with.
+/// How the robot moves.
+#[derive(Debug, Clone, Copy)]
+enum Motion {
+    Standing,
+    Turning,
+    Driving,
+}
+
+impl Motion {
+    /// Pose and distance covered at this time.
+    fn at(self, time_s: f64) -> (Pose, f64) {
+        let moving_s = (time_s - 1.0).max(0.0);
+        match self {
+            Self::Standing => (Pose::default(), 0.0),
+            Self::Turning => (Pose { yaw_rad: 20_f64.to_radians() * (0.8 * moving_s).sin(), ..Pose::default() }, 0.0),
+            Self::Driving => (Pose { x_m: 0.25 * moving_s, ..Pose::default() }, 0.25 * moving_s),
+        }
+    }
+}
+
+/// What background subtraction reaches: seed, motion, the least F1 score, and the most false blobs in the 90 frames that are scored. The
+/// figures may only improve. A driving robot that passes posters closely takes them for walkers.
+const REACHED: [(u64, Motion, f64, u32); 6] = [
+    (1, Motion::Standing, 0.926, 0),
+    (1, Motion::Turning, 0.845, 0),
+    (1, Motion::Driving, 0.821, 43),
+    (2, Motion::Standing, 0.920, 0),
+    (2, Motion::Turning, 0.817, 0),
+    (2, Motion::Driving, 0.834, 22),
+];
+
 #[test]
 fn background_subtraction_works_on_its_pictures() {
-    let standing = |_: f64| (Pose::default(), 0.0);
-    let turning = |time_s: f64| {
-        let yaw_rad = 20_f64.to_radians() * (0.8 * (time_s - 1.0).max(0.0)).sin();
-        (Pose { yaw_rad, ..Pose::default() }, 0.0)
-    };
-    let driving = |time_s: f64| {
-        let x_m = 0.25 * (time_s - 1.0).max(0.0);
-        (Pose { x_m, ..Pose::default() }, x_m)
-    };
-    for seed in 1..=2 {
-        let scores = [score(seed, standing), score(seed, turning), score(seed, driving)];
-        let told = scores
-            .map(|score| (score.f1(), score.precision(), score.recall(), score.false_blobs_per_frame(), score.shadow_as_foreground()));
-        for (score, goal) in scores.iter().zip([0.84, 0.78, 0.77]) {
-            assert!(score.f1() >= goal, "seed {seed}: F1 and more {told:.3?}");
-        }
-        // Posters that a driving robot passes closely are still taken for walkers now and then: no claim is made of that.
-        let [standing, turning, _] = &scores;
-        let false_blobs = [standing, turning].map(Score::false_blobs_per_frame);
-        assert!(false_blobs[0] <= 0.05 && false_blobs[1] <= 0.1, "seed {seed}: F1 and more {told:.3?}");
+    for (seed, motion, least_f1, most_false_blobs) in REACHED {
+        let score = score(seed, |time_s| motion.at(time_s));
+        let false_blobs = (score.false_blobs_per_frame() * 90.0).round() as u32;
+        let what = format!("{motion:?} with seed {seed}: F1 {:.4}, {false_blobs} false blobs", score.f1());
+        assert!(score.f1() >= least_f1 && false_blobs <= most_false_blobs, "{what}, expected {least_f1} and {most_false_blobs}");
     }
 }
 
