@@ -14,7 +14,7 @@ use std::net::Shutdown;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, World, read_world};
@@ -39,15 +39,29 @@ struct Cable {
     adapter: Option<UnixStream>,
 }
 
+/// The cable that several threads work at, and what wakes the one that drives the robot.
+#[derive(Clone)]
+struct SharedCable(Arc<(Mutex<Cable>, Condvar)>);
+
+impl SharedCable {
+    /// Changes it, and lets the robot drive if it may now.
+    fn change<T>(&self, change: impl FnOnce(&mut Cable) -> T) -> T {
+        let (cable, changed) = &*self.0;
+        let result = change(&mut cable.lock().unwrap());
+        changed.notify_all();
+        result
+    }
+}
+
 fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1);
     let sockets = PathBuf::from(arguments.next().unwrap());
     let world = read_world(Path::new(&arguments.next().unwrap())).unwrap();
     let listener = UnixListener::bind(sockets.join("control")).unwrap();
     let mut machine = Command::new(arguments.next().unwrap()).args(arguments).spawn().unwrap();
-    let cable = Arc::new(Mutex::new(Cable { end: End::Nothing, adapter: None }));
+    let cable = SharedCable(Arc::new((Mutex::new(Cable { end: End::Nothing, adapter: None }), Condvar::new())));
     let drive = cable.clone();
-    std::thread::spawn(move || drive_on(&drive));
+    std::thread::spawn(move || drive_robot(&drive));
     std::thread::spawn(move || obey(&listener, &sockets.join("adapter"), &world, &cable));
     let status = machine.wait().unwrap().code();
     match status {
@@ -60,59 +74,61 @@ fn main() -> ExitCode {
     }
 }
 
-fn obey(listener: &UnixListener, adapter: &Path, world: &World, cable: &Arc<Mutex<Cable>>) {
+fn obey(listener: &UnixListener, adapter: &Path, world: &World, cable: &SharedCable) {
     let (control, _) = listener.accept().unwrap();
     for word in BufReader::new(control.try_clone().unwrap()).lines() {
         match word.unwrap().as_str() {
             "plug" => plug(adapter, cable),
             "pull" => pull(cable),
-            "robot" => cable.lock().unwrap().end = End::Robot(Box::new(Robot::new(world))),
-            "stranger" => cable.lock().unwrap().end = End::Stranger,
-            "nothing" => cable.lock().unwrap().end = End::Nothing,
+            "robot" => cable.change(|cable| cable.end = End::Robot(Box::new(Robot::new(world)))),
+            "stranger" => cable.change(|cable| cable.end = End::Stranger),
+            "nothing" => cable.change(|cable| cable.end = End::Nothing),
             other => eprintln!("the guest says {other:?}"),
         }
         (&control).write_all(b"ok\n").unwrap();
     }
 }
 
-fn plug(adapter: &Path, cable: &Arc<Mutex<Cable>>) {
+fn plug(adapter: &Path, cable: &SharedCable) {
     let stream = UnixStream::connect(adapter).unwrap();
     let mut from_guest = stream.try_clone().unwrap();
-    cable.lock().unwrap().adapter = Some(stream);
+    cable.change(|cable| cable.adapter = Some(stream));
     let cable = cable.clone();
     std::thread::spawn(move || {
         let mut bytes = [0; 256];
         while let Ok(count @ 1..) = from_guest.read(&mut bytes) {
-            let mut cable = cable.lock().unwrap();
-            let answer = match &mut cable.end {
-                End::Nothing => Vec::new(),
-                End::Stranger => b"\r\nlogin: ".to_vec(),
-                End::Robot(robot) => robot.end.push(&bytes[..count]),
-            };
-            cable.send(&answer);
+            cable.change(|cable| {
+                let answer = match &mut cable.end {
+                    End::Nothing => Vec::new(),
+                    End::Stranger => b"\r\nlogin: ".to_vec(),
+                    End::Robot(robot) => robot.end.push(&bytes[..count]),
+                };
+                cable.send(&answer);
+            });
         }
     });
 }
 
-fn pull(cable: &Mutex<Cable>) {
-    if let Some(stream) = cable.lock().unwrap().adapter.take() {
+fn pull(cable: &SharedCable) {
+    if let Some(stream) = cable.change(|cable| cable.adapter.take()) {
         stream.shutdown(Shutdown::Both).unwrap();
     }
 }
 
-/// Lets the robot's time go by, whether a guest hears it or not.
-fn drive_on(cable: &Mutex<Cable>) {
+/// Sends the robot's packets when they are due, whether a guest reads them or not.
+fn drive_robot(cable: &SharedCable) {
+    let (cable, changed) = &*cable.0;
+    let mut cable = cable.lock().unwrap();
     loop {
-        let wait = {
-            let mut cable = cable.lock().unwrap();
-            let (said, due) = match &mut cable.end {
-                End::Robot(robot) => (robot.speak(Instant::now()), robot.due),
-                End::Nothing | End::Stranger => (Vec::new(), None),
-            };
-            cable.send(&said);
-            due.map_or(Duration::from_millis(20), |due| due.saturating_duration_since(Instant::now()))
+        let (said, due) = match &mut cable.end {
+            End::Robot(robot) => (robot.speak(Instant::now()), robot.due),
+            End::Nothing | End::Stranger => (Vec::new(), None),
         };
-        std::thread::sleep(wait);
+        cable.send(&said);
+        cable = match due {
+            Some(due) => changed.wait_timeout(cable, due.saturating_duration_since(Instant::now())).unwrap().0,
+            None => changed.wait(cable).unwrap(),
+        };
     }
 }
 

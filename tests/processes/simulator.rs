@@ -5,7 +5,6 @@ use std::io::{Read, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::thread;
 
 use ::simulator::camera::{Camera, Flaws, Picture};
 use ::simulator::{Optics, World};
@@ -14,6 +13,9 @@ use messages::{CameraFrame, FrameLayout, Pictures, PixelFormat, TruthMask, Truth
 use psos::{Deframer, Sip, number};
 use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::inotify::WatchFlags;
+
+use crate::harness::inotify::Inotify;
 
 /// A second at rest, then three metres towards a wall at 0.5 m/s: so short that the terminal holds all of its packets and none is ever lost.
 const WORLD: &str = "
@@ -84,14 +86,15 @@ impl Drop for Simulator {
     }
 }
 
-/// Waits for the simulator's port: its folder has no descriptor to wait on, so the processor is given away in between.
+/// Waits for the simulator's port.
 fn connect(port: &Path) -> File {
-    loop {
-        if let Ok(client) = OpenOptions::new().read(true).write(true).open(port) {
-            return client;
-        }
-        thread::yield_now();
-    }
+    let folder = Inotify::watch(port.parent().unwrap(), WatchFlags::CREATE | WatchFlags::MOVED_TO);
+    let mut client = None;
+    folder.wait_until("the port of the simulator", || {
+        client = OpenOptions::new().read(true).write(true).open(port).ok();
+        client.is_some()
+    });
+    client.unwrap()
 }
 
 /// The data of the next packets; none when the robot has hung up.
@@ -166,7 +169,7 @@ impl Truths {
 }
 
 #[test]
-fn a_client_rides_along_and_the_truth_is_told() {
+fn a_client_receives_every_packet_and_the_bus_the_truth() {
     let mut deployment = deployment("ride");
     let mut truths = Truths::of(&mut deployment);
     let simulator = deployment.start();
@@ -187,15 +190,15 @@ fn a_client_rides_along_and_the_truth_is_told() {
     let chunks: Vec<_> = truths.surfaces.iter().map(|chunk| (chunk.count, chunk.total, chunk.start.x_m)).collect();
     assert_eq!(chunks, [(1, 1, 1.0)]);
     let membership = deployment.domain.membership_for("robot", 1, "settings.toml".as_ref());
-    let kept = Shell::join(membership).unwrap().checkpoint().restore(|saved| Ok::<_, String>(saved.state.to_vec()));
-    assert_eq!(kept.as_deref(), Some(state(70, 70).as_ref()));
+    let saved = Shell::join(membership).unwrap().checkpoint().restore(|saved| Ok::<_, String>(saved.state.to_vec()));
+    assert_eq!(saved.as_deref(), Some(state(70, 70).as_ref()));
     drop(truths);
     assert!(!deployment.port().exists());
     deployment.domain.close().unwrap();
 }
 
 #[test]
-fn after_a_kill_the_drive_goes_on_with_the_robot_switched_off_and_on() {
+fn a_restart_resumes_the_drive_with_a_robot_that_was_off() {
     let mut deployment = deployment("kill");
     let mut truths = Truths::of(&mut deployment);
     // What an earlier incarnation left behind that was killed after 40 packets, 38 of them sent.
@@ -240,7 +243,7 @@ fn check_pictures(taken: &[(u64, u64, Vec<u8>)], first: u64, which: fn(&Picture)
 }
 
 #[test]
-fn its_camera_shows_the_drive_also_after_a_kill() {
+fn the_camera_shows_the_drive_also_after_a_kill() {
     let more = "[camera]\nwidth = 80\nheight = 60\nrate_hz = 5\n[simulator.camera]\nprovides = 'pictures'\n";
     for (name, left_behind, first) in [("camera", None, 1), ("camera-kill", Some(state(40, 38)), 21)] {
         let deployment = deployment_with(name, more);
