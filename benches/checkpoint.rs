@@ -45,13 +45,13 @@ impl Drive {
         self.mapper.step(Input::Scan { seq: self.seq, stamp_ns: self.seq * 100_000_000, scan: &scan }).unwrap();
     }
 
-    /// What comes between two checkpoints.
-    fn go_on(&mut self) {
+    /// The scans between two checkpoints.
+    fn continue_drive(&mut self) {
         let at_m = 5.0 + (self.seq % 512) as f64 * 0.03;
         (0..SCANS).for_each(|k| self.scan(at_m + f64::from(k) * 0.03, 7.0, f64::from(k) * 0.3));
     }
 
-    fn keep(&mut self, checkpoint: &mut Checkpoint) {
+    fn save(&mut self, checkpoint: &mut Checkpoint) {
         checkpoint.save_parts(&self.mapper.save_head(), &mut Tiles(&mut self.mapper));
     }
 }
@@ -61,27 +61,27 @@ fn length(file: &Path) -> u64 {
 }
 
 fn checkpoints(c: &mut Criterion) {
-    let domain = Domain::open(&format!("bench-keep-{}", std::process::id()), 1.0).unwrap();
+    let domain = Domain::open(&format!("bench-save-{}", std::process::id()), 1.0).unwrap();
     let shell = Shell::join(domain.membership_for("mapping", 0, "none".as_ref())).unwrap();
     let file = domain.directory().join("state/mapping.checkpoint");
     for (edge, size) in [(32, "50 x 50 m"), (64, "100 x 100 m")] {
         let mut drive = Drive::new(edge);
         let mut checkpoint = shell.checkpoint();
-        drive.keep(&mut checkpoint);
-        let whole = length(&file);
-        drive.go_on();
-        drive.keep(&mut checkpoint);
-        println!("{size}: whole {whole} bytes, what {SCANS} scans have changed {} bytes", length(&file) - whole);
+        drive.save(&mut checkpoint);
+        let complete = length(&file);
+        drive.continue_drive();
+        drive.save(&mut checkpoint);
+        println!("{size}: complete {complete} bytes, changes of {SCANS} scans {} bytes", length(&file) - complete);
         // A new one does not know what is in the file.
-        c.bench_function(&format!("keep a map of {size} whole"), |bencher| bencher.iter(|| drive.keep(&mut shell.checkpoint())));
+        c.bench_function(&format!("save a map of {size} completely"), |bencher| bencher.iter(|| drive.save(&mut shell.checkpoint())));
         let mut checkpoint = shell.checkpoint();
-        c.bench_function(&format!("keep what {SCANS} scans have changed in a map of {size}, all of it now and then"), |bencher| {
+        c.bench_function(&format!("save the changes of {SCANS} scans in a map of {size}, and all of it now and then"), |bencher| {
             bencher.iter_custom(|times| {
                 let mut spent = Duration::ZERO;
                 for _ in 0..times {
-                    drive.go_on();
+                    drive.continue_drive();
                     let began = Instant::now();
-                    drive.keep(&mut checkpoint);
+                    drive.save(&mut checkpoint);
                     spent += began.elapsed();
                 }
                 spent

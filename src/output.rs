@@ -18,10 +18,10 @@ pub(crate) fn write(text: &str) -> io::Result<()> {
 
 /// Writes JSON and a line break. serde escapes the control characters below U+0020 only; the others may be escaped as well.
 pub(crate) fn json(text: &str) -> io::Result<()> {
-    let is_kept = |c: char| c == '\n' || printable(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8();
+    let is_plain = |c: char| c == '\n' || printable(c.encode_utf8(&mut [0; 4])).len() == c.len_utf8();
     let mut safe = String::with_capacity(text.len() + 1);
     for c in text.chars() {
-        if is_kept(c) {
+        if is_plain(c) {
             safe.push(c);
         } else {
             // All of them are in the basic plane: four digits.

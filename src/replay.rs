@@ -79,7 +79,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     settings.fault.clear();
     // Without pictures in the log, playback publishes the recorded motion of the camera.
     let has_pictures = settings.recorder.pictures;
-    let had_motion = settings.expects_camera_motion();
+    let has_motion = settings.expects_camera_motion();
     settings.process.retain(|process| match &process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
         Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
@@ -88,7 +88,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
             false
         }
     });
-    settings.playback.camera_motion = had_motion && !settings.runs(BuiltIn::Sbs);
+    settings.playback.camera_motion = has_motion && !settings.runs(BuiltIn::Sbs);
     if !settings.runs(BuiltIn::Mapping) {
         settings.process.push(Process::built_in(BuiltIn::Mapping));
     }

@@ -1,4 +1,4 @@
-//! The mapping process on a bus of its own publishes and writes what its fold gives, also when it is killed on the way.
+//! The mapping process on a bus of its own publishes and writes what its fold gives, also when it is killed in between.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -49,7 +49,7 @@ struct Bench {
     scans: Writer<SonarScan>,
     progress: Reader<Progress>,
     tiles: Reader<MapTile>,
-    way: Reader<WayChunk>,
+    path: Reader<WayChunk>,
     summaries: Reader<MapSummary>,
     copy: MapCopy,
     summary: Option<MapSummary>,
@@ -69,7 +69,7 @@ impl Bench {
             scans: domain.writer().unwrap(),
             progress: watcher.reader().unwrap(),
             tiles: watcher.reader().unwrap(),
-            way: watcher.reader().unwrap(),
+            path: watcher.reader().unwrap(),
             summaries: watcher.reader().unwrap(),
             copy: MapCopy::default(),
             summary: None,
@@ -132,7 +132,7 @@ impl Bench {
                 self.copy.take_tile(&tile);
             }
         }
-        while let Some(received) = self.way.take().unwrap() {
+        while let Some(received) = self.path.take().unwrap() {
             if let Received::Message(chunk) = received {
                 self.copy.take_way(&chunk);
             }
@@ -159,8 +159,8 @@ impl Bench {
     }
 
     fn close(self) {
-        let Self { domain, scans, progress, tiles, way, summaries, watcher, folder: _folder, .. } = self;
-        drop((scans, progress, tiles, way, summaries, watcher));
+        let Self { domain, scans, progress, tiles, path, summaries, watcher, folder: _folder, .. } = self;
+        drop((scans, progress, tiles, path, summaries, watcher));
         domain.close().unwrap();
     }
 }
@@ -190,7 +190,7 @@ fn mapping_publishes_and_writes_the_map_of_its_fold() {
 }
 
 #[test]
-fn mapping_killed_on_the_way_ends_with_the_same_map() {
+fn mapping_killed_in_between_ends_with_the_same_map() {
     let mut bench = Bench::new("killed");
     let mut sent = 0;
     for (incarnation, last) in [(0, 90), (1, 91), (2, 300)] {

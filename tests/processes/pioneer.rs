@@ -43,7 +43,7 @@ fn recording(name: &str) -> Vec<u8> {
 struct Line {
     robot: OwnedFd,
     _client: OwnedFd,
-    heard: psos::Deframer,
+    deframer: psos::Deframer,
 }
 
 impl Line {
@@ -60,7 +60,7 @@ impl Line {
         tcsetattr(&client, OptionalActions::Now, &mode).unwrap();
         let _ = std::fs::remove_file(name);
         std::os::unix::fs::symlink(device, name).unwrap();
-        Self { robot, _client: client, heard: psos::Deframer::new() }
+        Self { robot, _client: client, deframer: psos::Deframer::new() }
     }
 
     fn say(&self, mut bytes: &[u8]) {
@@ -76,7 +76,7 @@ impl Line {
         loop {
             wait(vec![PollFd::from_borrowed_fd(std::os::fd::AsFd::as_fd(&self.robot), PollFlags::IN)], "the driver to speak");
             let count = rustix::io::read(&self.robot, &mut bytes).unwrap();
-            if self.heard.push(&bytes[..count]).iter().any(|frame| frame.data[0] == number) {
+            if self.deframer.push(&bytes[..count]).iter().any(|frame| frame.data[0] == number) {
                 return;
             }
         }
@@ -127,7 +127,7 @@ fn parts(bytes: &[u8]) -> (&[u8], Vec<&[u8]>) {
 }
 
 #[test]
-fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
+fn a_session_survives_a_killed_driver_and_a_pulled_cable() {
     let folder = std::env::temp_dir().join(format!("stillmap-test-pioneer-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let port = folder.join("port");
@@ -163,7 +163,7 @@ fn a_recorded_session_through_a_terminal_with_a_kill_and_a_pulled_cable() {
     }
     assert_eq!(found[200].2.after_gap, 1, "the killed process may have taken bytes with it");
 
-    // The cable is pulled and put in again: a new handshake, and the pose goes on where it was.
+    // The cable is pulled and put in again: a new handshake, and the pose continues where it was.
     drop(line);
     let mut line = Line::open(&port);
     line.wait_for(psos::number::SYNC0);

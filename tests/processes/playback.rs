@@ -137,7 +137,7 @@ impl Bench {
 }
 
 #[test]
-fn lockstep_waits_for_who_answers_frames_too() {
+fn lockstep_waits_for_the_answers_to_frames_too() {
     let mut bench = Bench::new("lockstep", "lockstep", 1000.0, true);
     bench.start(0);
     bench.answer("eyes", CameraFrame::SERVICE.name, 0);
@@ -189,7 +189,7 @@ fn a_restarted_playback_leaves_no_frame_out() {
 }
 
 #[test]
-fn live_both_streams_come_with_the_camera_motion_that_nobody_tells_anew() {
+fn a_live_replay_without_sbs_plays_the_recorded_camera_motion() {
     let mut bench = Bench::new("live", "live", 10.0, false);
     bench.start(0);
     let mut motions = 0;

@@ -1,4 +1,4 @@
-//! The SBS process on a bus of its own publishes what its fold gives, also when it is killed on the way, and reports malformed frames.
+//! The SBS process on a bus of its own publishes what its fold gives, also when it is killed in between, and reports malformed frames.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -233,7 +233,7 @@ fn sbs_publishes_the_answers_of_its_fold() {
 }
 
 #[test]
-fn sbs_killed_on_the_way_ends_with_the_same_answers() {
+fn sbs_killed_in_between_ends_with_the_same_answers() {
     let mut bench = Bench::new("killed");
     let mut sent = 0;
     for (incarnation, last) in [(0, 7), (1, 9), (2, 40)] {
