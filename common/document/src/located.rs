@@ -15,7 +15,7 @@ use toml::de::{DeArray, DeInteger, DeString, DeTable, DeValue};
 
 /// What is wrong, where.
 #[derive(Debug)]
-pub(crate) struct Refusal {
+pub(crate) struct LocatedError {
     /// From the innermost segment to the outermost.
     path: Vec<Segment>,
     pub(crate) span: Option<Range<usize>>,
@@ -40,7 +40,7 @@ enum Segment {
     Index(usize),
 }
 
-impl Refusal {
+impl LocatedError {
     fn new(kind: Kind) -> Self {
         Self { path: Vec::new(), span: None, in_table: false, kind }
     }
@@ -97,7 +97,7 @@ fn in_words(expected: &str) -> Cow<'_, str> {
     words.into()
 }
 
-impl Display for Refusal {
+impl Display for LocatedError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.kind {
             Kind::Value(expected) => f.write_str(expected),
@@ -107,9 +107,9 @@ impl Display for Refusal {
     }
 }
 
-impl core::error::Error for Refusal {}
+impl core::error::Error for LocatedError {}
 
-impl Error for Refusal {
+impl Error for LocatedError {
     /// What a `TryFrom` says becomes the problem as it is.
     fn custom<T: Display>(message: T) -> Self {
         Self::new(Kind::Value(message.to_string()))
@@ -154,33 +154,33 @@ fn alternatives(variants: &[&str]) -> String {
 pub(crate) struct Located<'t>(pub(crate) &'t Spanned<DeValue<'t>>);
 
 impl<'de> Deserializer<'de> for Located<'_> {
-    type Error = Refusal;
+    type Error = LocatedError;
 
-    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refusal> {
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, LocatedError> {
         let visited = match self.0.get_ref() {
             DeValue::String(text) => visitor.visit_str(text),
-            DeValue::Integer(number) => match whole(number) {
+            DeValue::Integer(number) => match integer(number) {
                 Some(number) => visitor.visit_i64(number),
-                None => Err(Refusal::invalid_value(Unexpected::Other("a number too large"), &visitor)),
+                None => Err(LocatedError::invalid_value(Unexpected::Other("a number too large"), &visitor)),
             },
             // No setting means infinity or NaN.
             DeValue::Float(number) => match number.as_str().parse::<f64>() {
                 Ok(number) if number.is_finite() => visitor.visit_f64(number),
-                _ => Err(Refusal::invalid_value(Unexpected::Other("no finite number"), &visitor)),
+                _ => Err(LocatedError::invalid_value(Unexpected::Other("no finite number"), &visitor)),
             },
             DeValue::Boolean(truth) => visitor.visit_bool(*truth),
-            DeValue::Datetime(_) => Err(Refusal::invalid_type(Unexpected::Other("a date"), &visitor)),
+            DeValue::Datetime(_) => Err(LocatedError::invalid_type(Unexpected::Other("a date"), &visitor)),
             DeValue::Array(list) => whole_list(list, visitor),
             DeValue::Table(table) => visitor.visit_map(Keys::of(table)),
         };
-        visited.map_err(|refusal| refusal.at(self.0))
+        visited.map_err(|error| error.at(self.0))
     }
 
-    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refusal> {
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, LocatedError> {
         visitor.visit_some(self)
     }
 
-    fn deserialize_newtype_struct<V: Visitor<'de>>(self, _: &'static str, visitor: V) -> Result<V::Value, Refusal> {
+    fn deserialize_newtype_struct<V: Visitor<'de>>(self, _: &'static str, visitor: V) -> Result<V::Value, LocatedError> {
         visitor.visit_newtype_struct(self)
     }
 
@@ -189,16 +189,16 @@ impl<'de> Deserializer<'de> for Located<'_> {
         _: &'static str,
         variants: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Refusal> {
+    ) -> Result<V::Value, LocatedError> {
         let visited = match self.0.get_ref() {
             DeValue::String(text) => {
-                let name: StrDeserializer<'_, Refusal> = text.as_ref().into_deserializer();
+                let name: StrDeserializer<'_, LocatedError> = text.as_ref().into_deserializer();
                 visitor.visit_enum(name)
             }
             DeValue::Table(table) => visitor.visit_enum(MapAccessDeserializer::new(Keys::of(table))),
-            _ => Err(Refusal::expected(&alternatives(variants))),
+            _ => Err(LocatedError::expected(&alternatives(variants))),
         };
-        visited.map_err(|refusal| refusal.at(self.0))
+        visited.map_err(|error| error.at(self.0))
     }
 
     forward_to_deserialize_any! {
@@ -208,16 +208,16 @@ impl<'de> Deserializer<'de> for Located<'_> {
 }
 
 /// Visits a list, of which nothing may be left over.
-fn whole_list<'de, V: Visitor<'de>>(list: &DeArray<'_>, visitor: V) -> Result<V::Value, Refusal> {
+fn whole_list<'de, V: Visitor<'de>>(list: &DeArray<'_>, visitor: V) -> Result<V::Value, LocatedError> {
     let mut entries = Entries { list, next: 0 };
     let value = visitor.visit_seq(&mut entries)?;
     match entries.next {
         taken if taken == list.len() => Ok(value),
-        taken => Err(Refusal::custom(format_args!("expected a list of {taken}"))),
+        taken => Err(LocatedError::custom(format_args!("expected a list of {taken}"))),
     }
 }
 
-fn whole(number: &DeInteger<'_>) -> Option<i64> {
+fn integer(number: &DeInteger<'_>) -> Option<i64> {
     i64::from_str_radix(number.as_str(), number.radix()).ok()
 }
 
@@ -227,13 +227,13 @@ struct Entries<'t> {
 }
 
 impl<'de> SeqAccess<'de> for &mut Entries<'_> {
-    type Error = Refusal;
+    type Error = LocatedError;
 
-    fn next_element_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, Refusal> {
+    fn next_element_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, LocatedError> {
         let index = self.next;
         let Some(value) = self.list.get(index) else { return Ok(None) };
         self.next += 1;
-        seed.deserialize(Located(value)).map(Some).map_err(|refusal| refusal.within(Segment::Index(index), value))
+        seed.deserialize(Located(value)).map(Some).map_err(|error| error.within(Segment::Index(index), value))
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -258,17 +258,17 @@ impl<'t> Keys<'t> {
 }
 
 impl<'de> MapAccess<'de> for Keys<'_> {
-    type Error = Refusal;
+    type Error = LocatedError;
 
-    fn next_key_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, Refusal> {
+    fn next_key_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<Option<S::Value>, LocatedError> {
         self.value = self.entries.next();
         let Some((key, _)) = self.value else { return Ok(None) };
-        let name: StrDeserializer<'_, Refusal> = key.get_ref().as_ref().into_deserializer();
-        seed.deserialize(name).map(Some).map_err(|refusal| Refusal { span: Some(key.span()), ..refusal })
+        let name: StrDeserializer<'_, LocatedError> = key.get_ref().as_ref().into_deserializer();
+        seed.deserialize(name).map(Some).map_err(|error| LocatedError { span: Some(key.span()), ..error })
     }
 
-    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Refusal> {
-        let (key, value) = self.value.take().ok_or_else(|| Refusal::custom("a value asked for before its key"))?;
-        seed.deserialize(Located(value)).map_err(|refusal| refusal.within(Segment::Key(key.get_ref().to_string()), value))
+    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, LocatedError> {
+        let (key, value) = self.value.take().ok_or_else(|| LocatedError::custom("a value asked for before its key"))?;
+        seed.deserialize(Located(value)).map_err(|error| error.within(Segment::Key(key.get_ref().to_string()), value))
     }
 }

@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{one_line, shortened};
-use crate::located::{Kind, Located, Refusal};
+use crate::located::{Kind, Located, LocatedError};
 use crate::{DocumentError, Fault};
 
 /// Longest file that is read, in bytes: the shipped deployments have at most 5,200.
@@ -62,7 +62,7 @@ pub fn parse_checked<T: DeserializeOwned>(file: &str, text: &str, check: impl Fn
     let table = DeTable::parse(text).map_err(|error| source.syntax(&error))?;
     let span = table.span();
     let document = Spanned::new(span, DeValue::Table(table.into_inner()));
-    let value = T::deserialize(Located(&document)).map_err(|refusal| source.refusal(refusal))?;
+    let value = T::deserialize(Located(&document)).map_err(|error| source.error(error))?;
     check(&value).map_err(|fault| source.fault(&document, fault))?;
     Ok(value)
 }
@@ -86,17 +86,17 @@ impl Source<'_> {
         DocumentError::Syntax { file: self.file.clone(), line, column, found, problem: one_line(error.message()) }
     }
 
-    fn refusal(&self, refusal: Refusal) -> DocumentError {
-        let key = refusal.key();
-        let span = refusal.span.clone().unwrap_or(0..0);
+    fn error(&self, error: LocatedError) -> DocumentError {
+        let key = error.key();
+        let span = error.span.clone().unwrap_or(0..0);
         let (line, _) = self.place(span.start);
-        match refusal.kind {
+        match error.kind {
             Kind::UnknownKey { known } => {
                 DocumentError::UnknownKey { file: self.file.clone(), line, known: nearest_first(&key, known), key }
             }
             Kind::MissingKey => DocumentError::MissingKey { file: self.file.clone(), line, key },
             Kind::Value(problem) => {
-                let found = (!refusal.in_table).then(|| shortened(self.piece(span)));
+                let found = (!error.in_table).then(|| shortened(self.piece(span)));
                 DocumentError::Value { file: self.file.clone(), line, key, found, problem: one_line(&problem) }
             }
         }

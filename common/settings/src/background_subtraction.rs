@@ -31,16 +31,16 @@ pub enum SbsMethod {
     Paper,
 }
 
-/// How freely the background may move from picture to picture.
+/// Motion model of the background from picture to picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Freedom {
-    /// Shift, turn and scale.
+    /// Translation, rotation and scale: four parameters.
     #[default]
     Similarity,
-    /// Six parameters.
+    /// Affine transform: six parameters.
     Affine,
-    /// Eight parameters.
+    /// Homography: eight parameters.
     Homography,
 }
 
@@ -50,21 +50,22 @@ pub enum Freedom {
 pub struct Sbs {
     /// Method that finds the motion of the camera.
     pub method: SbsMethod,
-    /// How freely the background may move: more freedom fits the walkers, too.
+    /// Motion model of the background. A model with more parameters also fits to walkers.
     pub freedom: Freedom,
-    /// Pictures from which the background is learned while the robot stands still at the start; 0: none.
+    /// Number of pictures from which the background is learned while the robot stands still at the start. With 0 it is not learned
+    /// before the drive.
     pub training_frames: TrainingFrames,
-    /// k: a value within so many standard deviations of the background's is background.
+    /// Number of standard deviations within which a pixel belongs to the background (k).
     pub k: Deviations,
-    /// β of eq. 8: by how much the residuals of the motion widen the region that a pixel is compared with.
+    /// Factor by which the residuals of the motion enlarge the region that a pixel is compared with (β of eq. 8).
     pub beta: CovarianceFactor,
-    /// ħ of eq. 6: how far that region reaches.
+    /// Size of that region, as a squared Mahalanobis distance (ħ of eq. 6).
     pub h_bar: RegionBound,
-    /// Smallest area of a blob.
+    /// Smallest area of a blob, in a picture of 160 px width. It grows with the square of the width.
     pub min_area_px: BlobArea,
-    /// Number of pictures after which an object that has come to rest becomes background.
+    /// Number of pictures after which an object that has stopped becomes background.
     pub takeover_frames: Takeover,
-    /// Number of pictures after which it becomes background where the picture does not change at all.
+    /// Number of pictures after which an object that has stopped becomes background where the picture does not change at all.
     pub takeover_still_frames: Takeover,
 }
 

@@ -1,4 +1,4 @@
-//! `[camera]`: the camera on the robot, whoever brings its pictures.
+//! `[camera]`: the camera on the robot, real, simulated or recorded.
 
 use std::path::PathBuf;
 
@@ -52,53 +52,53 @@ pub enum CameraFormat {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct CameraControl {
-    /// Its name, as `stillmap camera list` shows it.
+    /// Name of the control, as `stillmap camera list` prints it.
     pub name: String,
-    /// Its value, in its own units.
+    /// Value of the control, in its own units.
     pub value: ControlValue,
 }
 
-/// `[camera]`: the camera on the robot. The last three numbers of its geometry need not be exact: within 3 %, 2 rows and 3 cm.
+/// `[camera]`: the camera on the robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Camera {
-    /// Pixels in a row of its pictures.
+    /// Width of the pictures.
     pub width: PictureWidth,
-    /// Rows of its pictures.
+    /// Height of the pictures.
     pub height: PictureHeight,
-    /// Pictures a second.
+    /// Rate of the pictures.
     pub rate_hz: FrameRate,
-    /// Where it sits, forward of the robot's centre.
+    /// Position of the camera, forward of the centre of rotation.
     pub x_m: MountOffset,
-    /// Where it sits, to the left of the robot's centre.
+    /// Position of the camera, to the left of the centre of rotation.
     pub y_m: MountOffset,
-    /// Where it looks, counter-clockwise from straight ahead.
+    /// Direction of the optical axis, counter-clockwise from straight ahead.
     pub heading_deg: MountHeading,
     /// Height of the lens above the floor.
     pub height_m: CameraHeight,
     /// Horizontal field of view.
     pub field_of_view_deg: FieldOfView,
-    /// Row of the horizon as a share of the picture's height, from its top: 0.5 for a camera that looks level.
+    /// Row of the horizon as a share of the height of the picture, from the top. It is 0.5 for a camera that is level.
     pub horizon_share: HorizonShare,
-    /// The device that the process `camera` takes pictures with.
+    /// Device of the camera, relative to the settings file. The process "camera" reads it.
     #[serde(deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path of a device"))]
     pub device: PathBuf,
-    /// How its pixels are coded.
+    /// Pixel format that is requested from the camera.
     pub format: CameraFormat,
-    /// Which of its inputs, counted from 0; the one that is selected when left out.
+    /// Number of the video input, from 0. The default is the input that is selected.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub input: Option<CameraInput>,
-    /// Exposure time, held; automatic when left out. Background subtraction sees less when the exposure changes.
+    /// Fixed exposure time. The default is automatic exposure, whose changes disturb background subtraction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposure_us: Option<Exposure>,
-    /// Gain, held, in the camera's own units; automatic when left out.
+    /// Fixed gain, in units of the camera. The default is automatic gain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<CameraGain>,
-    /// White balance, held; automatic when left out.
+    /// Fixed white balance. The default is automatic white balance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white_balance_k: Option<WhiteBalance>,
-    /// Other controls that are held.
+    /// `[[camera.control]]`: other controls of the camera that are set to a fixed value.
     #[schemars(length(max = 32))]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub control: Vec<CameraControl>,

@@ -1,4 +1,4 @@
-//! What the sections of a deployment owe each other.
+//! Checks of the sections of a deployment against each other.
 
 use std::collections::HashSet;
 
@@ -15,10 +15,10 @@ pub const MAX_SONARS: usize = 32;
 pub const MAX_FAULTS: usize = 64;
 
 impl Settings {
-    /// Checks what no section can say alone.
+    /// Checks what involves several sections.
     ///
     /// # Errors
-    /// The first key that does not go with the others.
+    /// The first key that contradicts others.
     pub fn check(&self) -> Result<(), Fault> {
         self.check_processes()?;
         self.check_source()?;
@@ -56,7 +56,7 @@ impl Settings {
         RoutedService::ALL.into_iter().filter(|service| injected && named(service)).collect()
     }
 
-    /// Faults hit what there is, and somebody is there to make them.
+    /// Faults have an existing target, and a process injects them.
     fn check_faults(&self) -> Result<(), Fault> {
         if self.fault.len() > MAX_FAULTS {
             return Err(Fault::new("fault", format!("at most {MAX_FAULTS} faults, found {}", self.fault.len())));
@@ -106,7 +106,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Scans come from one place, and at the pace that it can keep.
+    /// Scans have one source, and the pace suits it.
     fn check_source(&self) -> Result<(), Fault> {
         let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
         let sources: Vec<usize> = (0..self.process.len())
@@ -124,7 +124,7 @@ impl Settings {
         }
         let live = [BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Camera];
         if self.pace == Pace::Lockstep && live.into_iter().any(|kind| self.runs(kind)) {
-            return Err(Fault::new("pace", "\"live\", for a robot waits for nobody"));
+            return Err(Fault::new("pace", "\"live\", because a robot does not wait"));
         }
         if self.runs(BuiltIn::Simulator) && self.runs(BuiltIn::Playback) {
             return Err(Fault::new("process", "one world, either that of \"simulator\" or that of \"playback\""));
@@ -132,7 +132,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Pictures come from one place, and who looks for motion in them has some.
+    /// Pictures have one source, and SBS has pictures.
     fn check_pictures(&self) -> Result<(), Fault> {
         let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
         let (camera, playback, sbs) = (self.runs(BuiltIn::Camera), self.runs(BuiltIn::Playback), self.runs(BuiltIn::Sbs));
@@ -144,7 +144,10 @@ impl Settings {
             return Err(Fault::new("simulator.camera.provides", "\"off\", since a process runs \"camera\", which gives the pictures"));
         }
         if sbs && simulated == Provides::Motion {
-            return Err(Fault::new("simulator.camera.provides", "\"pictures\", since a process runs \"sbs\" and tells the motion in them"));
+            return Err(Fault::new(
+                "simulator.camera.provides",
+                "\"pictures\", since a process runs \"sbs\", which detects the motion in them",
+            ));
         }
         if sbs && !(camera || playback || foreign || simulated == Provides::Pictures) {
             let expected = "a source of pictures for \"sbs\": run = \"camera\", or the simulator with camera.provides = \"pictures\"";
@@ -190,13 +193,13 @@ impl Settings {
         Ok(())
     }
 
-    /// Who may look: whoever is on this computer, or whoever knows the token.
+    /// The page is served to this computer alone, or with a token.
     fn check_viewer(&self) -> Result<(), Fault> {
         let Viewer { address, token, .. } = &self.viewer;
         if address.get().is_loopback() || token.is_some() {
             return Ok(());
         }
-        Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token that keeps strangers out"))
+        Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token"))
     }
 
     fn check_lists(&self) -> Result<(), Fault> {

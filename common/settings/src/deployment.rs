@@ -14,10 +14,10 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Pace {
-    /// The sensors: deadlines hold.
+    /// The sensors set the pace, and deadlines hold.
     #[default]
     Live,
-    /// The slowest process: nothing is skipped, no deadline holds, the result is the same every time.
+    /// The slowest process sets the pace: nothing is skipped, no deadline holds, and the result is the same every time.
     Lockstep,
 }
 
@@ -25,16 +25,16 @@ pub enum Pace {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Settings {
-    /// Name of the deployment; deployments of different names run side by side.
+    /// Name of the deployment. Deployments of different names can run at the same time.
     pub name: Name,
-    /// What sets the pace: the sensors, or, for a log, the slowest process.
+    /// What sets the pace: the sensors, or the slowest process when a log is replayed.
     #[serde(default)]
     pub pace: Pace,
-    /// Folder for the log and the map; relative to the settings file.
+    /// Folder for the log and the map, relative to the settings file.
     #[serde(default = "default_out", deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path"))]
     pub out: PathBuf,
-    /// `[[process]]`: the processes, in the order of starting. Exactly one of `run` and `command` says what a process runs.
+    /// `[[process]]`: the processes in the order of starting. Each has exactly one of `run` and `command`.
     #[schemars(length(min = 1, max = 23))]
     pub process: Vec<Process>,
     /// `[supervisor]`: how processes are watched and restarted.
@@ -76,7 +76,7 @@ pub struct Settings {
     /// `[injector]`: faults between the processes.
     #[serde(default)]
     pub injector: Injector,
-    /// `[[fault]]`: faults on purpose; they need a process that runs `"injector"`.
+    /// `[[fault]]`: faults on purpose, for which a process must run `"injector"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 64))]
     pub fault: Vec<PlannedFault>,

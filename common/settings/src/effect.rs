@@ -57,7 +57,7 @@ const RULES: &[Rule] = &[
     rule("std.free_for_scans", |s| s.std.rule == MovingCell::Visible, "no such key, or else std.rule = \"visible\""),
     rule("sbs", |s| s.runs(BuiltIn::Sbs), "no [sbs], or else a process with run = \"sbs\""),
     rule("fti", |s| s.runs(BuiltIn::Fti), "no [fti], or else a process with run = \"fti\""),
-    rule("fti.readiness", likelihood, "no such key, or else fti.method = \"likelihood\""),
+    rule("fti.prior_log_odds", likelihood, "no such key, or else fti.method = \"likelihood\""),
     rule("fti.patience_s", |s| s.pace == Pace::Live, "no such key, or else pace = \"live\""),
     rule("fti.paper", |s| !likelihood(s), "no [fti.paper], or else fti.method = \"paper\""),
     rule("recorder", |s| s.runs(BuiltIn::Recorder), "no [recorder], or else a process with run = \"recorder\""),

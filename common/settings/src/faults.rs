@@ -26,19 +26,18 @@ bounded! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct RoutedService(&'static str);
 
-/// `[injector]`: what stands between publishers and their readers when a process runs `"injector"`.
+/// `[injector]`: the services between whose publishers and readers the injector stands.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Injector {
-    /// The services that go through the injector. Those that a `[[fault]]` names do so anyway; `stillmap inject` can only disturb
-    /// a service that does.
+    /// Services that go through the injector, in addition to those of every `[[fault]]`. `stillmap inject` can disturb only these.
     pub services: Vec<RoutedService>,
 }
 
 /// What a fault does to the messages of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StreamFault {
-    /// Leaves messages out.
+    /// Drops messages.
     Drop,
     /// Holds messages back for `by_s`; those behind them wait, too.
     Delay,
@@ -46,7 +45,7 @@ pub enum StreamFault {
     Duplicate,
     /// Sends messages after the one that follows them.
     Reorder,
-    /// Turns over bits of the payload, under the checksum of what it was.
+    /// Flips bits of the payload and leaves its checksum.
     Corrupt,
     /// Holds everything back until the fault is over.
     Stall,
@@ -61,7 +60,7 @@ pub enum StreamFault {
 pub enum ProcessFault {
     /// Kills it (SIGKILL), again every `by_s` if that is given.
     Kill,
-    /// Stops it (SIGSTOP); at the end of the fault it goes on (SIGCONT).
+    /// Stops it (SIGSTOP), and resumes it at the end of the fault (SIGCONT).
     Stop,
     /// Stops it for a share of the time, its rate, many times a second.
     Slow,
@@ -69,7 +68,7 @@ pub enum ProcessFault {
     Disk,
 }
 
-/// Whom a fault concerns, and what it does.
+/// The target of a fault, and what it does.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Disturbance {
     /// The messages of a service.
@@ -94,7 +93,7 @@ pub enum Disturbance {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "Entry", into = "Entry")]
 pub struct PlannedFault {
-    /// Whom it concerns, and what it does.
+    /// Its target, and what it does.
     pub disturbance: Disturbance,
     /// The share of messages that it hits; for `slow`, the share of time.
     pub rate: FaultRate,
@@ -112,56 +111,58 @@ pub struct PlannedFault {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct Entry {
-    /// The service that is disturbed. Exactly one of `service` and `process` is given, and neither for `memory`.
+    /// Service that is disturbed. Give exactly one of `service` and `process`, and neither for "memory".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     service: Option<RoutedService>,
-    /// The process that is disturbed, by its name.
+    /// Name of the process that is disturbed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     process: Option<Name>,
-    /// What happens. To a service: drop, delay, duplicate, reorder, corrupt, stall, burst or clock; to a process: kill, stop, slow or disk; to the computer: memory, which takes what is free of `/dev/shm` where that is at most 1 GiB.
+    /// Kind of fault. A service takes drop, delay, duplicate, reorder, corrupt, stall, burst or clock. A process takes kill, stop, slow
+    /// or disk. The fault "memory" takes the free part of `/dev/shm`, up to 1 GiB.
     kind: FaultKind,
-    /// The share of messages that are hit; for `slow`, the share of time that the process stands.
+    /// Share of the messages that are hit. For "slow", share of the time for which the process is stopped.
     #[serde(default)]
     rate: FaultRate,
-    /// When it begins: in sensor time after the first message of the service, or after the start of the run.
+    /// Start of the fault: sensor time since the first message of the service, or time since the start of the run.
     #[serde(default)]
     from_s: FaultStart,
-    /// How long it lasts.
+    /// Duration of the fault.
     #[serde(default)]
     for_s: FaultLength,
-    /// By how much `delay` delays and `clock` is set forward, and how often `burst` lets go, 1 s if it is not given; how often `kill` kills, once if it is not given.
+    /// Delay of "delay", time by which "clock" is set forward, or period of "burst", 1 s by default. For "kill", period of the kills, by
+    /// default none for a single kill.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     by_s: Option<FaultPeriod>,
-    /// Another seed hits other messages.
+    /// Seed that decides which messages are hit.
     #[serde(default)]
     seed: FaultSeed,
 }
 
-/// What happens, in one word.
+/// The kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FaultKind {
-    /// Messages are left out.
+    /// Messages are dropped.
     Drop,
-    /// Messages come late.
+    /// Messages are delayed.
     Delay,
-    /// Messages come twice.
+    /// Messages are duplicated.
     Duplicate,
     /// Messages overtake each other.
     Reorder,
-    /// Bits of the payload are turned over.
+    /// Bits of the payload are flipped.
     Corrupt,
-    /// Nothing comes until the fault is over.
+    /// No message arrives until the fault is over.
     Stall,
-    /// Messages come in heaps.
+    /// Messages arrive in bursts.
     Burst,
     /// The clock that stamps the messages is set forward, and back at the end.
     Clock,
     /// The process is killed.
     Kill,
-    /// The process stands still.
+    /// The process is stopped.
     Stop,
-    /// The process stands still again and again.
+    /// The process is stopped for a share of the time.
     Slow,
     /// The process can write to no file.
     Disk,
@@ -169,7 +170,7 @@ pub enum FaultKind {
     Memory,
 }
 
-/// A fault that does not say whom it concerns, or that its target cannot have.
+/// A fault without a target, or one that its target cannot have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "expected a service with drop, delay, duplicate, reorder, corrupt, stall, burst or clock, or a process with kill, stop, slow or disk, or neither with memory"
@@ -259,7 +260,7 @@ impl FaultKind {
         Self::Memory,
     ];
 
-    /// The word for it.
+    /// Its word in settings.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -405,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_nobodys() {
+    fn memory_has_no_target() {
         let read: File = toml::from_str("[[fault]]\nkind = \"memory\"\nfor_s = 3.0\n").unwrap();
         assert_eq!(read.fault[0].disturbance, Disturbance::Memory);
         assert_eq!(toml::from_str::<File>(&toml::to_string(&read).unwrap()).unwrap().fault, read.fault);

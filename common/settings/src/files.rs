@@ -8,7 +8,7 @@ use crate::effect;
 use crate::{Port, Program, Settings};
 
 impl Settings {
-    /// Reads a deployment's file. Relative paths in it mean its folder and come out absolute.
+    /// Reads the file of a deployment. Relative paths in it are relative to its folder and become absolute.
     ///
     /// # Errors
     /// The first problem of the file, in one line with file, line, key, value and what was expected.
@@ -92,9 +92,13 @@ impl Settings {
             Port::Device(device) => Some(("pioneer.port", device.as_path())),
             Port::Simulator => None,
         };
-        [("out", self.out.as_path()), ("simulator.world", &self.simulator.world), ("playback.log", &self.playback.log)]
-            .into_iter()
-            .chain(port)
+        let files = [
+            ("out", self.out.as_path()),
+            ("simulator.world", &self.simulator.world),
+            ("playback.log", &self.playback.log),
+            ("camera.device", &self.camera.device),
+        ];
+        files.into_iter().chain(port)
     }
 
     fn resolve(&mut self, folder: &Path) {
@@ -102,6 +106,7 @@ impl Settings {
         join(&mut self.out);
         join(&mut self.simulator.world);
         join(&mut self.playback.log);
+        join(&mut self.camera.device);
         if let Port::Device(device) = &mut self.pioneer.port {
             join(device);
         }

@@ -9,7 +9,7 @@ bounded! {
     /// Distance of what the sonars and the camera see.
     Correspondence: f64 in 0.0..=5.0, "m", default 0.5;
     /// Log-odds.
-    Readiness: f64 in -20.0..=20.0, "", default 0.5;
+    PriorLogOdds: f64 in -20.0..=20.0, "", default 0.5;
     /// Sensor time.
     Patience: f64 in 0.0..=10.0, "s", default 0.5;
 }
@@ -25,25 +25,25 @@ pub enum FtiMethod {
     Paper,
 }
 
-/// How the position of a blob is read from the picture.
+/// How the position of a person is computed from a blob.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Cue {
-    /// From its foot on the floor.
+    /// From the lowest row of the blob, which is on the floor.
     #[default]
     Ground,
-    /// From its row and column, scaled linearly to the sonar cone: the paper's.
+    /// From row and column, scaled linearly to the sonar cone, as in the paper.
     Paper,
 }
 
-/// What happens to the map where something moves.
+/// How the map is changed where something moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Action {
-    /// The whole arc of a reading that a moving thing caused is left out of the map.
+    /// The whole arc of a reading that a person caused is withheld from the map.
     #[default]
     Withhold,
-    /// The readings stay, and the cells of the update regions are set free: the paper's.
+    /// The readings are integrated, and the cells of the update regions are set free, as in the paper.
     Free,
 }
 
@@ -83,8 +83,9 @@ pub enum Side {
 pub struct Fti {
     /// Method that decides whether a walker caused a reading.
     pub method: FtiMethod,
-    /// Log-odds added to every reading before it is withheld or kept, with the method "likelihood" (w_0). Higher values withhold more.
-    pub readiness: Readiness,
+    /// Prior log-odds that a walker caused a reading, with the method "likelihood" (w_0). With a higher value more readings are
+    /// withheld.
+    pub prior_log_odds: PriorLogOdds,
     /// Longest time that a scan waits for the motion seen by sonars and camera, with the pace "live".
     pub patience_s: Patience,
     /// `[fti.paper]`: the paper's method as printed. Refused unless `method` is "paper".
@@ -95,11 +96,11 @@ pub struct Fti {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct FtiPaper {
-    /// How the position of a blob is read from the picture.
+    /// How the position of a person is computed from a blob.
     pub cue: Cue,
-    /// What happens to the map where something moves.
+    /// How the map is changed where something moves.
     pub action: Action,
-    /// Largest distance between a blob and a moving class that are taken for one object (sigma_correspond of eq. 11).
+    /// Largest distance between a blob and a moving class of cells that belong to one object (sigma_correspond of eq. 11).
     pub correspond_m: Correspondence,
     /// `[fti.paper.tables]`: the fuzzy rules of Tables 3 to 5. Rows are the sets of C (sonars), columns those of B (camera).
     pub tables: Tables,
@@ -110,11 +111,11 @@ pub struct FtiPaper {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Tables {
-    /// Table 3: the sets of O_Centroid.x, the distance ahead of the robot.
+    /// Table 3: fuzzy sets of O_Centroid.x, the distance ahead of the robot.
     pub centroid_x: [[Magnitude; 5]; 5],
-    /// Table 4: the sets of O_Centroid.y, the offset to the left.
+    /// Table 4: fuzzy sets of O_Centroid.y, the offset to the left.
     pub centroid_y: [[Side; 5]; 5],
-    /// Table 5: the sets of O_Size, the extent of the update region.
+    /// Table 5: fuzzy sets of O_Size, the extent of the update region.
     pub size: [[Magnitude; 5]; 5],
 }
 

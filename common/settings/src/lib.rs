@@ -1,9 +1,9 @@
 //! Typed configuration of a stillmap deployment: parse, validate, explain.
 //!
 //! A deployment is one TOML file. Each section is a struct of this crate; each number is a newtype with its limits, so that a
-//! value that has been read is a value that can be meant. What the sections owe each other is checked by [`Settings::check`].
+//! value that has been read is in range. [`Settings::check`] checks the sections against each other.
 //!
-//! Every problem is told in one line: where, which key, what was found, what was expected.
+//! Every problem is reported in one line: file and line, key, what was found, what was expected.
 //!
 //! ```
 //! # use stillmap_settings as settings;
@@ -59,7 +59,7 @@ pub use faults::{
     Disturbance, FaultKind, FaultLength, FaultPeriod, FaultRate, FaultSeed, FaultStart, Injector, NoSuchFault, PlannedFault, ProcessFault,
     RoutedService, StreamFault,
 };
-pub use fti::{Action, Correspondence, Cue, Fti, FtiMethod, FtiPaper, Magnitude, Patience, Readiness, Side, Tables};
+pub use fti::{Action, Correspondence, Cue, Fti, FtiMethod, FtiPaper, Magnitude, Patience, PriorLogOdds, Side, Tables};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,
     NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,

@@ -40,30 +40,31 @@ bounded! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Mapping {
-    /// Edge of a cell.
+    /// Edge length of a cell.
     pub cell_m: CellSize,
-    /// Half the opening angle of a sonar: cells further off its axis are not touched.
+    /// Half of the opening angle of a sonar. Cells farther from the axis are not updated.
     pub half_beam_deg: HalfBeam,
-    /// Probability of a surface on the axis at the reading (k_o of the sensor model).
+    /// Probability of an occupied cell on the axis at the measured range (k_o of the sensor model).
     pub k_o: OccupiedPeak,
-    /// Spread of a reading in range (sigma_r of the sensor model).
+    /// Standard deviation of a measured range (sigma_r of the sensor model).
     pub sigma_r_m: RangeSpread,
-    /// Limit of a cell's log-odds, of either sign: the smaller, the sooner the map follows a thing that moved.
+    /// Limit of the log-odds of a cell, of either sign. With a smaller limit the map adapts sooner to an object that moved.
     pub l_max: LogOddsLimit,
-    /// Commit horizon: sensor time for which a reading stays pending and its verdict may still change.
+    /// Commit horizon: sensor time for which a reading stays pending while its verdict can change.
     pub horizon_s: Horizon,
-    /// Keep a second map that ignores the verdicts, for comparison.
+    /// Whether a second map that ignores the verdicts is made for comparison.
     pub keep_unfiltered: bool,
-    /// In the map that is published, an occupied cell with fewer occupied neighbours than this, of eight, is free (the end of the
-    /// paper's Table 6). 0: none is.
+    /// Despeckling of the published map: an occupied cell with fewer occupied neighbours than this, of eight, is published as free
+    /// (the end of the paper's Table 6). With 0 no cell is changed.
     pub lonely_below: Neighbours,
-    /// How far a reading without an echo frees: beyond, silence may as well be a wall that reflects away.
+    /// Range up to which a reading without an echo marks cells as free. Beyond it a wall may have reflected the sound away.
     pub no_echo_free_m: NoEchoFree,
-    /// The weight of a reading falls with its range, by `occupied_fade_m` and `free_fade_m`. False: the paper's sensor model.
+    /// Whether the weight of a reading falls with its range, by `occupied_fade_m` and `free_fade_m`. With false the sensor model is that
+    /// of the paper.
     pub fades: bool,
-    /// Range at which an echo has lost half its weight, where `fades` is true.
+    /// Range at which the weight of an echo is one half, if `fades` is true.
     pub occupied_fade_m: OccupiedFade,
-    /// Distance at which free space has lost half its weight, where `fades` is true.
+    /// Distance at which the weight of free space is one half, if `fades` is true.
     pub free_fade_m: FreeFade,
     /// `[mapping.tuning]`: the fuzzy tuning of the sensor model.
     pub tuning: Tuning,
@@ -73,17 +74,17 @@ pub struct Mapping {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Tuning {
-    /// Tune. False: the rules for unknown surroundings (first row, first column) hold everywhere.
+    /// Whether the sensor model is tuned. With false the rule for unknown surroundings (first row, first column) holds everywhere.
     pub enabled: bool,
-    /// Centres of the sets of P_arc, the highest occupancy at the reading's range.
+    /// Centres of the fuzzy sets of P_arc, the highest occupancy at the measured range.
     pub p_arc: Centres,
-    /// Centres of the sets of P_free, the highest occupancy before it.
+    /// Centres of the fuzzy sets of P_free, the highest occupancy before the measured range.
     pub p_free: Centres,
-    /// How far the axis turns towards the known surface; rows P_arc, columns P_free.
+    /// Share by which the axis turns towards the known surface. Rows are sets of P_arc, columns sets of P_free.
     pub gain: [[Gain; 3]; 3],
-    /// Angular width; rows P_arc, columns P_free.
+    /// Angular width of the beam. Rows are sets of P_arc, columns sets of P_free.
     pub sigma_theta_deg: [[AngularWidth; 3]; 3],
-    /// Occupancy that a free reading leaves on its axis (k_e of the sensor model); rows P_arc, columns P_free.
+    /// Occupancy of free cells on the axis (k_e of the sensor model). Rows are sets of P_arc, columns sets of P_free.
     pub k_e: [[FreePeak; 3]; 3],
 }
 

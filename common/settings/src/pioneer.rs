@@ -28,18 +28,18 @@ one_of! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Pioneer {
-    /// Serial device of the robot, or `"simulator"`: the pseudo-terminal of this deployment's simulator.
+    /// Serial device of the robot, relative to the settings file, or `"simulator"` for the simulator of this deployment.
     pub port: Port,
-    /// Speeds of the line to try, in this order.
+    /// Baud rates that are tried, in this order.
     #[schemars(length(min = 1, max = 5))]
     pub bauds: Vec<Baud>,
-    /// Time between two signs of life to the robot; its watchdog stops it after 2 s without.
+    /// Time between two keep-alive commands (PULSE). The watchdog of the robot stops it after 2 s without one.
     pub pulse_s: PulseInterval,
-    /// Time without a packet after which the link is lost and the port opened again.
+    /// Time without a packet after which the port is opened again.
     pub link_lost_s: LinkTimeout,
-    /// Odometry that claims a greater speed is not believed.
+    /// Highest plausible speed. Odometry with a higher speed is rejected.
     pub speed_limit_m_s: SpeedLimit,
-    /// Odometry that claims a greater turn rate is not believed.
+    /// Highest plausible turn rate. Odometry with a higher turn rate is rejected.
     pub turn_limit_rad_s: TurnLimit,
 }
 

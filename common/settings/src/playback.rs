@@ -19,13 +19,13 @@ const _: () = assert!(Window::MAX.0 == messages::Replay::SCANS.window);
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Playback {
-    /// The log; relative to the settings file.
+    /// Log that is replayed, relative to the settings file.
     #[serde(deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path"))]
     pub log: PathBuf,
-    /// How far playback publishes ahead of the slowest consumer.
+    /// Number of scans that playback publishes ahead of the slowest consumer, with the pace "lockstep".
     pub window: Window,
-    /// Publish the camera motion of the log as it was recorded, in place of a process that runs "sbs".
+    /// Whether the recorded camera motion is published, in place of that of a process "sbs".
     pub camera_motion: bool,
 }
 

@@ -1,35 +1,35 @@
-//! `[[process]]`: what a deployment consists of.
+//! `[[process]]`: the processes of a deployment.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::text::Name;
 
-/// A process that `stillmap` brings along.
+/// A built-in process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum BuiltIn {
-    /// Everything on the bus into a log.
+    /// Writes the streams to a log.
     Recorder,
-    /// The map's owner.
+    /// Makes the map from the scans.
     Mapping,
-    /// What moves, as the sonars see it.
+    /// Detects motion with the sonars.
     Std,
-    /// What moves, as the camera sees it.
+    /// Detects motion with the camera.
     Sbs,
-    /// Which readings a moving thing caused.
+    /// Decides which readings people caused.
     Fti,
-    /// The driver of a Pioneer.
+    /// Drives a Pioneer.
     Pioneer,
-    /// The driver of a camera.
+    /// Takes pictures with a camera.
     Camera,
-    /// A simulated world with its robot.
+    /// Simulates a world with a robot.
     Simulator,
-    /// A log in place of the robot.
+    /// Replays a log in place of the robot.
     Playback,
-    /// The page that a browser shows.
+    /// Shows the live page in a browser.
     Viewer,
-    /// Faults on purpose.
+    /// Injects faults.
     Injector,
 }
 
@@ -71,19 +71,20 @@ pub struct Process {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct Entry {
-    /// Its name, unique in the deployment.
+    /// Name of the process, unique in the deployment.
     name: Name,
-    /// A process that stillmap brings along.
+    /// Built-in process that is run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     run: Option<BuiltIn>,
-    /// Any other executable: program and arguments. It joins the bus by the variables STILLMAP_* that the supervisor sets.
+    /// Another executable that is run: the program and its arguments. It joins the deployment by the variables `STILLMAP_*`, which the
+    /// supervisor sets.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1))]
     command: Option<Vec<String>>,
-    /// When it ends successfully, the run ends. True for simulator and playback unless it is given.
+    /// Whether the run ends when the process ends successfully. The default is true for simulator and playback, false otherwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ends_run: Option<bool>,
-    /// Streams of another executable that the built-in processes wait for, in place of those of "fti" or "sbs".
+    /// Streams that `command` publishes in place of "fti" or "sbs". The built-in processes wait for them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     publishes: Vec<Published>,
 }
@@ -98,7 +99,7 @@ enum Contradiction {
 }
 
 impl BuiltIn {
-    /// Every process that `stillmap` brings along.
+    /// Every built-in process.
     pub const ALL: [Self; 11] = [
         Self::Recorder,
         Self::Mapping,
@@ -131,7 +132,7 @@ impl BuiltIn {
         }
     }
 
-    /// Whether a run ends with it unless the settings say otherwise: what brings the world in also has its end.
+    /// Whether a run ends with it unless the settings differ: a source of scans that has an end.
     #[must_use]
     pub fn ends_run(self) -> bool {
         matches!(self, Self::Simulator | Self::Playback)

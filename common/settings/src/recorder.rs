@@ -15,12 +15,12 @@ bounded! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Recorder {
-    /// Name of the log in the folder `out`. After 1024 chunks it goes on in the next file (`drive.2.mcap`, …): 17 minutes at a flush
-    /// every second, less where a second is more than a megabyte.
+    /// Name of the log in the folder `out`. After 1024 chunks it continues in the next file (`drive.2.mcap` and so on): after 17
+    /// minutes with a flush every second, and sooner where a second takes more than a megabyte.
     pub file: FileName,
-    /// Time between two flushes: what a killed recorder may lose.
+    /// Time between two flushes. A killed recorder loses at most this time.
     pub flush_s: FlushInterval,
-    /// Whether the pictures of the camera are recorded, too: 17 MB a minute at 160 × 120 in grey and 15 Hz, 280 MB at 640 × 480.
+    /// Whether the pictures of the camera are recorded. In grey at 15 Hz they take 17 MB per minute at 160 × 120, 280 MB at 640 × 480.
     pub pictures: bool,
 }
 

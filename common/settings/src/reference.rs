@@ -1,16 +1,16 @@
-//! What the types say of themselves: a JSON schema for editors, a page for people.
+//! The JSON schema and the reference page, made from the types.
 
 use serde_json::Value;
 
 use crate::Settings;
 
-/// What stands before the keys.
+/// The text before the keys.
 const HEAD: &str = "\
 # Settings
 
-A deployment of stillmap is one TOML file. A key that is left out has its default; an unknown key, or a value outside its
-limits, is refused with the line it stands in. Relative paths mean the folder of the file. `stillmap check FILE` checks a file;
-`settings.schema.json` tells an editor what this page tells you.
+A deployment of stillmap is one TOML file. A key that is left out has its default. An unknown key, a value outside its
+limits and a key that nothing in the deployment reads are refused with file and line. Paths are relative to the folder
+of the file. `stillmap check FILE` checks a file. Editors read `settings.schema.json`.
 
 This page is generated from the code:
 

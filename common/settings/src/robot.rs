@@ -86,35 +86,35 @@ impl JsonSchema for Model {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Robot {
-    /// The type of robot, by its name or by the subclass that it calls itself; `stillmap pioneer probe` tells it.
+    /// Type of the robot, by its name or by the subclass that it reports. `stillmap pioneer probe` prints it.
     pub model: Model,
-    /// What a unit of x and y in its packets stands for; that of the model when left out.
+    /// Length that a unit of x and y in the packets stands for. The default is that of the model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_unit_mm: Option<UnitLength>,
-    /// What a unit of a sonar range in its packets stands for; that of the model when left out.
+    /// Length that a unit of a sonar range in the packets stands for. The default is that of the model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_unit_mm: Option<UnitLength>,
-    /// Units of a full turn of its heading; that of the model when left out.
+    /// Number of units in a full turn of the heading. The default is that of the model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub heading_units: Option<HeadingUnits>,
-    /// A reading at or above this range is no echo.
+    /// Range at and above which a reading counts as "no echo".
     pub range_limit_m: RangeLimit,
-    /// The number at which the robot's odometry counters start again from 0; depends on its firmware.
+    /// Number at which the odometry counters of the robot wrap to 0. It depends on the firmware.
     pub odometry_modulus: OdometryModulus,
-    /// `[[robot.sonar]]`: the sonar ring, in the order of the sonars' numbers. Without it, the ring of the model.
+    /// `[[robot.sonar]]`: the sonar ring in the order of the sonar numbers. The default is the ring of the model.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(length(max = 32))]
     pub sonar: Vec<Sonar>,
 }
 
-/// `[[robot.sonar]]`: where a sonar sits and looks, in the robot frame.
+/// `[[robot.sonar]]`: position and direction of a sonar in the robot frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Sonar {
-    /// Forward of the robot's centre.
+    /// Position of the sonar, forward of the centre of rotation.
     pub x_m: MountOffset,
-    /// To the left of the robot's centre.
+    /// Position of the sonar, to the left of the centre of rotation.
     pub y_m: MountOffset,
-    /// Direction of the beam's axis, counter-clockwise from straight ahead.
+    /// Direction of the axis of the beam, counter-clockwise from straight ahead.
     pub heading_deg: MountHeading,
 }

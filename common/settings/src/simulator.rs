@@ -28,13 +28,13 @@ bounded! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Simulator {
-    /// The world's file; relative to the settings file.
+    /// World file, relative to the settings file.
     #[serde(deserialize_with = "crate::text::path")]
     #[schemars(extend("x-form" = "path"))]
     pub world: PathBuf,
-    /// Seed of everything random in the world: the same seed gives the same drive.
+    /// Seed of all random numbers. The same seed gives the same drive.
     pub seed: Seed,
-    /// `[simulator.camera]`: what the robot's camera gives.
+    /// `[simulator.camera]`: the simulated camera.
     pub camera: SimulatedCamera,
 }
 
@@ -51,11 +51,11 @@ pub enum Provides {
     Pictures,
 }
 
-/// `[simulator.camera]`: what the robot's camera provides.
+/// `[simulator.camera]`: the simulated camera.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct SimulatedCamera {
-    /// What the camera provides.
+    /// What the simulated camera publishes.
     pub provides: Provides,
     /// `[simulator.camera.motion]`: errors of the camera motion that is made from the truth. Refused unless `provides` is "motion".
     pub motion: SimulatedMotion,
@@ -65,15 +65,15 @@ pub struct SimulatedCamera {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct SimulatedMotion {
-    /// Share of blobs that are missed.
+    /// Share of the blobs that are missed.
     pub missed: Share,
-    /// Share of blobs that break into pieces. A third of these lose their feet.
+    /// Share of the blobs that break into pieces. A third of these lose the feet of the person.
     pub fragments: Share,
-    /// Mean number of false blobs in a picture.
+    /// Mean number of false blobs per picture.
     pub false_blobs: PerPicture,
-    /// Time after which a walker who stands still fades into the background.
+    /// Time after which a stationary walker fades into the background.
     pub fades_after_s: After,
-    /// Standard deviation of a blob's edges.
+    /// Standard deviation of the edges of a blob.
     pub edge_px: Pixels,
     /// Share by which the true focal length differs from that of `[camera]`, in the direction that the seed chooses.
     pub focal_error: LengthError,

@@ -26,18 +26,18 @@ bounded! {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Supervisor {
-    /// A process without a heartbeat this long after its start is killed and started again.
+    /// Time from the start of a process to its first heartbeat. After this time without one it is killed and restarted.
     pub startup_deadline_s: StartupDeadline,
-    /// A process silent for this long is taken to hang: killed and started again.
+    /// Time without a heartbeat after which a process is considered hung: it is killed and restarted.
     pub heartbeat_timeout_s: HeartbeatTimeout,
-    /// More restarts than this within `within_s`, and the process has failed for good.
+    /// Number of restarts allowed within `within_s`. After more of them the process has failed for good.
     pub restarts: RestartBudget,
-    /// The time in which restarts are counted.
+    /// Time in which the restarts of a process are counted.
     pub within_s: RestartPeriod,
-    /// Delay before the first restart; it doubles with each further one.
+    /// Delay before the first restart. It doubles with each further restart.
     pub backoff_first_s: FirstBackoff,
     /// Longest delay before a restart.
     pub backoff_last_s: LastBackoff,
-    /// A process that has not stopped this long after it was asked to is killed.
+    /// Time to stop in order. A process that takes longer is killed.
     pub stop_deadline_s: StopDeadline,
 }

@@ -18,14 +18,14 @@ bounded! {
     Aside: f64 in 0.0..=180.0, "deg", default 37.5;
 }
 
-/// When a cell that an echo fell in counts as moving.
+/// Rule by which a cell with an echo counts as moving.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum MovingCell {
-    /// Nothing was there within the span, and it was seen free lately.
+    /// The cell had no echo within the span and was recently measured as free.
     #[default]
     Visible,
-    /// Nothing was there within the span: the paper's Table 1.
+    /// The cell had no echo within the span (the paper's Table 1).
     Paper,
 }
 
@@ -33,16 +33,17 @@ pub enum MovingCell {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Std {
-    /// When a cell that an echo fell in counts as moving.
+    /// Rule by which a cell with an echo counts as moving.
     pub rule: MovingCell,
-    /// The time span: at least as many scans as the sonars need to fire all round.
+    /// Time span in scans. It must cover at least the scans in which every sonar fires once.
     pub span_scans: Span,
-    /// How far an earlier echo may lie from a cell and still make it stationary.
+    /// Largest distance of an earlier echo that makes a cell stationary.
     pub tolerance_cells: Tolerance,
-    /// Least share of moving cells of a class that moves (the paper: 0.5).
+    /// Share of moving cells from which a class of cells counts as moving (the paper: 0.5).
     pub moving_share: MovingShare,
-    /// For how many scans a cell counts as seen free, where the rule is "visible".
+    /// Number of scans for which a cell counts as measured free, with the rule "visible".
     pub free_for_scans: FreeFor,
-    /// Sonars that look further aside than this from straight ahead take no part: along a wall they are mostly wrong.
+    /// Largest angle of a sonar from straight ahead. Sonars that look farther aside are not used, because most of their detections
+    /// along a wall are false.
     pub aside_deg: Aside,
 }

@@ -31,14 +31,15 @@ pub struct Token(String);
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Viewer {
-    /// Address that both are served at; another than this computer's own needs a token.
+    /// Address at which the page and the port for Foxglove are served. An address other than loopback requires a token.
     pub address: Address,
-    /// Port of the page; when it is taken, the next nine are tried.
+    /// Port of the page. If it is in use, the next nine are tried.
     pub port: PagePort,
-    /// Port for Foxglove and Lichtblick, `ws://ADDRESS:PORT`; when it is taken, the next nine are tried. A page of another site than
-    /// Foxglove's own needs the token.
+    /// Port for Foxglove and Lichtblick, `ws://ADDRESS:PORT`. If it is in use, the next nine are tried. Pages of other sites than
+    /// Foxglove's own require the token.
     pub foxglove_port: FoxglovePort,
-    /// What a browser or Foxglove has to know: `http://ADDRESS:PORT/?token=TOKEN`, `ws://ADDRESS:PORT/?token=TOKEN`. It goes over the network as it is written here.
+    /// Token that a browser or Foxglove sends: `http://ADDRESS:PORT/?token=TOKEN`, `ws://ADDRESS:PORT/?token=TOKEN`. It is not
+    /// encrypted on the network.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub token: Option<Token>,
 }

@@ -132,10 +132,7 @@ fn who_may_look() {
         "[viewer]\naddress = \"robot\"",
         "demo.toml:9: viewer.address = \"robot\": expected an IP address, such as \"127.0.0.1\" or \"0.0.0.0\"",
     );
-    check(
-        "[viewer]\naddress = \"0.0.0.0\"",
-        "demo.toml:9: viewer.address = \"0.0.0.0\": expected 127.0.0.1 or ::1, or else a token that keeps strangers out",
-    );
+    check("[viewer]\naddress = \"0.0.0.0\"", "demo.toml:9: viewer.address = \"0.0.0.0\": expected 127.0.0.1 or ::1, or else a token");
     check("[viewer]\ntoken = \"short\"", "demo.toml:9: viewer.token = \"short\": expected 16 to 128 of a-z, A-Z, 0-9, - and _");
     check("[viewer]\nport = 80", "demo.toml:9: viewer.port = 80: expected a whole number, 1024 to 65526");
 }
@@ -183,7 +180,7 @@ fn sections_that_do_not_go_together() {
     );
     check_whole(
         &BASE.replace("name = \"test\"\n", "name = \"test\"\npace = \"lockstep\"\n"),
-        "demo.toml:2: pace = \"lockstep\": expected \"live\", for a robot waits for nobody",
+        "demo.toml:2: pace = \"lockstep\": expected \"live\", because a robot does not wait",
     );
     let sonars = "[[robot.sonar]]\nx_m = 0\ny_m = 0\nheading_deg = 0\n".repeat(33);
     check(&sonars, "demo.toml:8: robot.sonar: expected at most 32 sonars, found 33");
@@ -260,8 +257,8 @@ fn keys_without_effect_are_refused() {
         "demo.toml:14: fti.paper: expected no [fti.paper], or else fti.method = \"paper\"",
     );
     check(
-        &format!("{filter}[fti]\nmethod = \"paper\"\nreadiness = 1.0"),
-        "demo.toml:16: fti.readiness = 1.0: expected no such key, or else fti.method = \"likelihood\"",
+        &format!("{filter}[fti]\nmethod = \"paper\"\nprior_log_odds = 1.0"),
+        "demo.toml:16: fti.prior_log_odds = 1.0: expected no such key, or else fti.method = \"likelihood\"",
     );
     Settings::parse("demo.toml", &format!("{BASE}{filter}[fti]\nmethod = \"paper\"\n[fti.paper]\ncorrespond_m = 1.0")).unwrap();
 }
@@ -303,7 +300,7 @@ fn pictures_come_from_one_place_and_go_somewhere() {
     check(
         &["mapping", "simulator", "pioneer", "sbs"],
         "motion",
-        "demo.toml:15: simulator.camera.provides = \"motion\": expected \"pictures\", since a process runs \"sbs\" and tells the motion in them",
+        "demo.toml:15: simulator.camera.provides = \"motion\": expected \"pictures\", since a process runs \"sbs\", which detects the motion in them",
     );
     let no_pictures = "demo.toml:2: process: expected a source of pictures for \"sbs\": run = \"camera\", or the simulator with \
                        camera.provides = \"pictures\"";

@@ -127,6 +127,15 @@ fn relative_paths_mean_the_folder_of_the_file() {
 }
 
 #[test]
+fn a_relative_camera_device_is_in_the_folder_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("deployment.toml");
+    let runs = ["pioneer", "camera", "sbs"].map(|run| format!("{{ name = \"{run}\", run = \"{run}\" }}")).join(", ");
+    std::fs::write(&file, format!("name = \"x\"\nprocess = [{runs}]\n[camera]\ndevice = \"video\"\n")).unwrap();
+    assert_eq!(Settings::read(&file).unwrap().camera.device, folder.path().join("video"));
+}
+
+#[test]
 fn paths_come_out_absolute_however_the_file_is_named() {
     // Tests run in the folder of their package.
     let settings = Settings::read(Path::new("../../config/demo.toml")).unwrap();

@@ -42,10 +42,19 @@ fn the_reference_tells_of_every_key() {
 }
 
 #[test]
+fn every_meaning_stands_alone() {
+    for row in reference().lines().filter(|line| line.starts_with("| `")) {
+        let meaning = row.trim_end_matches(" |").rsplit(" | ").next().unwrap();
+        assert!(meaning.starts_with(|first: char| first.is_uppercase()) && meaning.ends_with('.'), "{row}");
+        assert!(!meaning.contains("; "), "one sentence leans on another: {row}");
+    }
+}
+
+#[test]
 fn the_reference_tells_limits_units_and_defaults() {
     let page = reference();
     for row in [
-        "| `cell_m` | 0.005 to 1 m | `0.05` | Edge of a cell. |",
+        "| `cell_m` | 0.005 to 1 m | `0.05` | Edge length of a cell. |",
         "| `pace` | `\"live\"`, `\"lockstep\"` | `\"live\"` |",
         "| `odometry_modulus` | `4096`, `32768`, `65536` | `32768` |",
         "| `gain` | 3 × 3: each 0 to 1 | `[[0.0, 0.0, 0.0], [0.5, 0.5, 0.5], [1.0, 1.0, 1.0]]` |",

@@ -27,7 +27,7 @@ pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
             settings::Action::Free => Action::Free,
         },
         correspond_m: paper.correspond_m.get(),
-        readiness: fti.readiness.get(),
+        readiness: fti.prior_log_odds.get(),
         camera: settings.expects_camera_motion().then(|| camera(&settings.camera)),
         patience: match settings.pace {
             Pace::Live => Patience::Seconds(fti.patience_s.get() * speed.max(1.0)),
@@ -100,8 +100,8 @@ mod tests {
 
     #[test]
     fn settings_at_their_limits_make_fti() {
-        let low = "[robot]\nrange_limit_m = 0.5\n[mapping]\nhorizon_s = 0\n[fti]\nreadiness = -20\n";
-        let high = "[mapping]\nhorizon_s = 10\n[fti]\nreadiness = 20\n";
+        let low = "[robot]\nrange_limit_m = 0.5\n[mapping]\nhorizon_s = 0\n[fti]\nprior_log_odds = -20\n";
+        let high = "[mapping]\nhorizon_s = 10\n[fti]\nprior_log_odds = 20\n";
         let paper = "[fti]\nmethod = \"paper\"\n[fti.paper]\ncorrespond_m = 5\n";
         for numbers in [low, high, paper] {
             Fti::new(parameters(&settings("pace = \"lockstep\"", numbers), 1.0)).unwrap();
