@@ -1,6 +1,8 @@
 //! The content of a chunk.
 
-use std::io::Read;
+use std::io::{self, Read};
+
+use ruzstd::decoding::StreamingDecoder;
 
 use crate::damage::Damage;
 use crate::fields::Fields;
@@ -26,7 +28,15 @@ pub(crate) fn unpack(offset: u64, body: &[u8]) -> Result<Vec<u8>, Damage> {
             unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "LZ4"))?;
             content
         }
-        other => return Err(wrong(format!("compression {other:?}"), "lz4 or none")),
+        // Not written here; the usual tools write it.
+        "zstd" => {
+            let mut content = Vec::new();
+            let decoder = StreamingDecoder::new(packed).map_err(io::Error::other);
+            let unpacked = decoder.and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
+            unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "Zstandard"))?;
+            content
+        }
+        other => return Err(wrong(format!("compression {other:?}"), "lz4, zstd or none")),
     };
     let calculated = crc32fast::hash(&content);
     if content.len() as u64 != size || crc != calculated {

@@ -38,6 +38,12 @@ pub enum Fault {
         /// Size of what can be read, bytes.
         offset: u64,
     },
+    /// An MCAP file of another program.
+    #[error("recorded by {library:?}, not a stillmap log: it has neither settings nor the description of a run")]
+    Foreign {
+        /// The library that its header names.
+        library: String,
+    },
     /// A log of another format, or one whose description cannot be read.
     #[error("its description says {entry} {found:?}, expected {expected}")]
     Description {

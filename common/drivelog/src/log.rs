@@ -11,7 +11,7 @@ use crate::decode_error::DecodeError;
 use crate::ending::Ending;
 use crate::image::{self, Image};
 use crate::logged::Logged;
-use crate::part::{PartReader, RawMessage};
+use crate::part::{PartReader, RawMessage, find_preamble};
 use crate::parts::following_parts;
 use crate::preamble::Preamble;
 use crate::views::PoseView;
@@ -84,7 +84,7 @@ impl Log {
         let mut path = path.to_owned();
         loop {
             let (bytes, file) = open(&path)?;
-            match PartReader::new(file) {
+            match read_part(&path, file) {
                 Ok(reader) => {
                     let preamble = reader.preamble().clone();
                     let waiting_bytes = waiting.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum();
@@ -185,7 +185,7 @@ impl Log {
         while let Some(path) = self.waiting.pop_front() {
             let (bytes, file) = open(&path)?;
             self.waiting_bytes = self.waiting_bytes.saturating_sub(bytes);
-            let outcome = match PartReader::new(file) {
+            let outcome = match read_part(&path, file) {
                 Ok(reader) if reader.preamble().run == self.preamble.run => {
                     self.current = Some((path, bytes, reader));
                     return Ok(true);
@@ -249,6 +249,18 @@ fn decode<T: Logged>(data: &[u8]) -> Result<(u64, T), DecodeError> {
     let (seq, payload) = T::decode(data)?;
     payload.validate()?;
     Ok((seq, payload))
+}
+
+/// Reads a file from its start. One without a preamble there may have it elsewhere.
+fn read_part(path: &Path, file: File) -> Result<PartReader<File>, Fault> {
+    match PartReader::new(file) {
+        Err(fault @ Fault::Damaged(_)) => match find_preamble(File::open(path)?) {
+            Ok(Some(preamble)) => Ok(PartReader::with_preamble(File::open(path)?, preamble)),
+            Err(foreign @ Fault::Foreign { .. }) => Err(foreign),
+            Ok(None) | Err(_) => Err(fault),
+        },
+        read => read,
+    }
 }
 
 fn open(path: &Path) -> Result<(u64, File), LogError> {

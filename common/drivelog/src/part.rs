@@ -57,8 +57,17 @@ impl<R: Read> PartReader<R> {
     pub(crate) fn new(source: R) -> Result<Self, Fault> {
         let mut records = RecordReader::new(source);
         let preamble = read_preamble(&mut records)?;
+        Ok(Self::after(records, preamble))
+    }
+
+    /// Reads a file whose preamble is known: another program has moved it behind the messages.
+    pub(crate) fn with_preamble(source: R, preamble: Preamble) -> Self {
+        Self::after(RecordReader::new(source), preamble)
+    }
+
+    fn after(records: RecordReader<R>, preamble: Preamble) -> Self {
         let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Self { records, preamble, schemas, channels, chunk: Vec::new(), cursor: 0, chunk_offset: 0, place: None })
+        Self { records, preamble, schemas, channels, chunk: Vec::new(), cursor: 0, chunk_offset: 0, place: None }
     }
 
     pub(crate) fn preamble(&self) -> &Preamble {
@@ -161,6 +170,39 @@ fn place(fields: &mut Fields<'_>, end: usize) -> Option<Place> {
     let (channel, sequence) = (fields.u16()?, fields.u32()?);
     let (log_ns, stamp_ns) = (fields.u64()?, fields.u64()?);
     Some(Place { channel, sequence, log_ns, stamp_ns, data: end - fields.0.len()..end })
+}
+
+/// Looks for settings and description in the whole file: tools that rewrite an MCAP file move them. `None` if one of them is missing.
+///
+/// # Errors
+/// [`Fault::Foreign`] for an intact file that has neither, or as for a preamble at the start.
+pub(crate) fn find_preamble(source: impl Read) -> Result<Option<Preamble>, Fault> {
+    let mut records = RecordReader::new(source);
+    let (mut library, mut settings, mut description) = (String::new(), None, None);
+    while let Some(record) = records.next()? {
+        match record.opcode {
+            opcode::HEADER => library = header_library(&record.body).unwrap_or_default(),
+            opcode::ATTACHMENT => settings = settings.or(settings_of(&record).ok()),
+            opcode::METADATA => {
+                if let Some((DESCRIPTION, entries)) = named_texts(&record.body) {
+                    description = Some(entries);
+                }
+            }
+            _ => {}
+        }
+    }
+    match (settings, description) {
+        (Some(settings), Some(description)) => Preamble::read(settings, &description).map(Some),
+        (None, None) if records.ending() == Some(&Ending::Complete) => Err(Fault::Foreign { library }),
+        _ => Ok(None),
+    }
+}
+
+/// The library that a header names.
+fn header_library(body: &[u8]) -> Option<String> {
+    let mut fields = Fields(body);
+    fields.text()?;
+    fields.text().map(str::to_owned)
 }
 
 fn read_preamble(records: &mut RecordReader<impl Read>) -> Result<Preamble, Fault> {

@@ -114,7 +114,7 @@ fn what_is_no_log_is_refused_with_a_word() {
     let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
     other.add_channel(0, "chatter", "json", &Default::default()).unwrap();
     other.finish().unwrap();
-    assert!(refused(&other.into_inner().into_inner()).contains("found a record of type 0x06, expected the settings and the description"));
+    assert!(refused(&other.into_inner().into_inner()).contains("not a stillmap log"));
 
     std::fs::remove_file(&path).unwrap();
     assert!(Log::open(&path).err().unwrap().to_string().contains("No such file"));
