@@ -1,12 +1,15 @@
 //! What a reader knows of its stream, and what it therefore hands out.
 
 use std::cell::RefCell;
+use std::fmt::Arguments;
 use std::rc::Rc;
+use std::time::Instant;
 
 use bytemuck::Pod;
 use messages::{Header, InputCounters, Invalid, Kind, Service, Text};
 
 use crate::clock::DeploymentClock;
+use crate::episode::Episode;
 use crate::latency::Latencies;
 
 /// Messages after which latencies are made out anew.
@@ -35,6 +38,56 @@ pub(crate) enum Admission {
     Dropped,
 }
 
+/// Why messages are refused. Each reason is an episode of its own in the log.
+#[derive(Debug, Clone, Copy)]
+enum Reason {
+    OtherRun,
+    Checksum,
+    OutOfRange,
+    Restarted,
+}
+
+/// The refused messages of a stream in the log: a line when they begin, and one with their number when they are over.
+struct Refusals {
+    service: &'static str,
+    episodes: [(Reason, Episode); 4],
+}
+
+impl Refusals {
+    fn new(service: &'static str) -> Self {
+        let reasons = [Reason::OtherRun, Reason::Checksum, Reason::OutOfRange, Reason::Restarted];
+        Self { service, episodes: reasons.map(|reason| (reason, Episode::default())) }
+    }
+
+    fn note(&mut self, reason: Reason, seq: u64, problem: Arguments<'_>) {
+        if self.episodes[reason as usize].1.occurred(Instant::now()) {
+            tracing::warn!("refused message {seq} of {}: {problem}", self.service);
+        }
+    }
+
+    /// Reports the episodes that are over; with `is_last`, all of them.
+    fn report(&mut self, is_last: bool) {
+        for (reason, episode) in self.episodes.iter_mut().filter(|(_, episode)| episode.is_open()) {
+            let count = if is_last { episode.close() } else { episode.over(Instant::now()) };
+            if let Some(count) = count {
+                let what = match reason {
+                    Reason::OtherRun => "of another run",
+                    Reason::Checksum => "with a wrong checksum",
+                    Reason::OutOfRange => "out of order or out of range",
+                    Reason::Restarted => "of a sender that has restarted its numbers",
+                };
+                tracing::info!("refused {count} messages of {} {what}; no more of them arrive", self.service);
+            }
+        }
+    }
+}
+
+impl Drop for Refusals {
+    fn drop(&mut self) {
+        self.report(true);
+    }
+}
+
 /// The reader's side of one service: counts, order and checks.
 pub(crate) struct Stream {
     service: &'static Service,
@@ -43,6 +96,7 @@ pub(crate) struct Stream {
     clock: Option<DeploymentClock>,
     latencies: Box<Latencies>,
     account: Rc<RefCell<Account>>,
+    refusals: Refusals,
     last_stamp_ns: u64,
     /// What was sent before the first message that comes is not missed.
     joins: bool,
@@ -79,6 +133,7 @@ impl Stream {
             clock,
             latencies: Box::new(Latencies::new()),
             account: Rc::new(RefCell::new(Account { counters, handed_out: 0, passed: 0 })),
+            refusals: Refusals::new(service.name),
             last_stamp_ns: 0,
             joins: false,
             ended: false,
@@ -120,13 +175,7 @@ impl Stream {
         let account = &mut *account;
         if header.run != self.run {
             account.counters.refused += 1;
-            tracing::warn!(
-                "refused message {} of {}: it is of run {:016x}, expected {:016x}",
-                header.seq,
-                service.name,
-                header.run,
-                self.run
-            );
+            self.refusals.note(Reason::OtherRun, header.seq, format_args!("it is of run {:016x}, expected {:016x}", header.run, self.run));
             return Admission::Dropped;
         }
         let found = checksum();
@@ -136,12 +185,8 @@ impl Stream {
             if service.sequenced && header.seq.saturating_sub(account.passed) <= service.qos.history as u64 {
                 account.pass(header.seq);
             }
-            tracing::warn!(
-                "refused message {} of {}: its checksum is {found:08x}, expected {:08x}",
-                header.seq,
-                service.name,
-                header.crc32
-            );
+            let problem = format_args!("its checksum is {found:08x}, expected {:08x}", header.crc32);
+            self.refusals.note(Reason::Checksum, header.seq, problem);
             return Admission::Dropped;
         }
         let kind = Kind::from_number(header.kind);
@@ -158,9 +203,10 @@ impl Stream {
         if let Some(problem) = problem {
             account.counters.refused += 1;
             account.pass(header.seq);
-            tracing::warn!("refused message {} of {}: {problem}", header.seq, service.name);
+            self.refusals.note(Reason::OutOfRange, header.seq, format_args!("{problem}"));
             return Admission::Refused { problem };
         }
+        self.refusals.report(false);
         account.pass(header.seq);
         if kind == Some(Kind::Gap) {
             return Admission::Dropped;
@@ -180,12 +226,9 @@ impl Stream {
                 // What is said again is as old as it was. Who begins anew with its numbers would be taken for one who repeats himself.
                 if self.last_stamp_ns > 0 && header.stamp_ns > self.last_stamp_ns {
                     account.counters.refused += 1;
-                    tracing::warn!(
-                        "refused message {} of {}: its number was had, up to {}, but it is newer: its sender has begun anew",
-                        header.seq,
-                        service.name,
-                        account.handed_out
-                    );
+                    let known = account.handed_out;
+                    let problem = format_args!("numbers up to {known} are received, and it is newer: its sender has restarted its numbers");
+                    self.refusals.note(Reason::Restarted, header.seq, problem);
                 } else {
                     account.counters.repeated += 1;
                 }

@@ -5,7 +5,7 @@ mod parameters;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use bus::{BusError, Reader, Received, Writer};
+use bus::{BusError, Episode, Reader, Received, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, Payload, Service, SonarScan, StreamCursor, VerdictOutlook, WayChunk};
 use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Shell, StepError, run_fold};
 use settings::{Pace, Settings};
@@ -75,8 +75,10 @@ struct Mapping {
     shown_at: Option<Instant>,
     scans_ended_at: Option<Instant>,
     refused: u64,
+    refusals: Episode,
     /// Scans from which on poses may be off against the map before.
     doubtful: u64,
+    doubts: Episode,
 }
 
 impl Fold for Mapping {
@@ -183,7 +185,9 @@ impl Mapping {
             shown_at: None,
             scans_ended_at: None,
             refused: 0,
+            refusals: Episode::default(),
             doubtful: 0,
+            doubts: Episode::default(),
             mapper,
         })
     }
@@ -195,7 +199,11 @@ impl Mapping {
                 let seq = scan.seq();
                 if scan.is_doubtful() {
                     self.doubtful += 1;
-                    tracing::warn!("from scan {seq} on the pose is doubtful: the map may be shifted against what it was");
+                    if self.doubts.occurred(Instant::now()) {
+                        tracing::warn!("from scan {seq} on the pose is doubtful: the map may be shifted against what it was");
+                    }
+                } else if let Some(count) = self.doubts.over(Instant::now()) {
+                    tracing::info!("the pose was doubtful {count} times up to scan {seq}");
                 }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
                 self.count_refused(taken);
@@ -224,7 +232,11 @@ impl Mapping {
     fn count_refused(&mut self, taken: Result<(), Refused>) {
         if let Err(refused) = taken {
             self.refused += 1;
-            tracing::warn!("{refused}");
+            if self.refusals.occurred(Instant::now()) {
+                tracing::warn!("{refused}");
+            }
+        } else if let Some(count) = self.refusals.over(Instant::now()) {
+            tracing::info!("{count} scans and verdicts were refused; the map takes them again");
         }
     }
 
