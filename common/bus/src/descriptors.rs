@@ -1,6 +1,6 @@
 //! File descriptors: how many a process needs on the bus, and which of them its children get.
 
-use std::os::fd::BorrowedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 
 use messages::SERVICES;
 use rustix::io::{Errno, FdFlags, fcntl_dupfd_cloexec, fcntl_getfd, fcntl_setfd};
@@ -20,9 +20,13 @@ pub fn needed_descriptors(processes: usize) -> u64 {
     (OWN + PER_SERVICE * SERVICES.len() + PER_PROCESS * processes) as u64
 }
 
-/// Whether this process, or the system, has no descriptor left.
+/// Most descriptors that a port or a connection takes, and gives back where it cannot take all of them.
+const AT_ONCE: usize = 8;
+
+/// Whether this process, or the system, has too few descriptors left for another port.
 pub(crate) fn has_no_descriptor() -> bool {
-    matches!(fcntl_dupfd_cloexec(rustix::stdio::stderr(), 0), Err(Errno::MFILE | Errno::NFILE))
+    let taken: Result<Vec<OwnedFd>, Errno> = (0..AT_ONCE).map(|_| fcntl_dupfd_cloexec(rustix::stdio::stderr(), 0)).collect();
+    matches!(taken, Err(Errno::MFILE | Errno::NFILE))
 }
 
 /// Closes every descriptor but the standard streams in programs that are started from now on.
