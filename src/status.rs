@@ -3,7 +3,7 @@
 use crate::args::Which;
 use crate::running::{choose, none_running};
 use crate::{exit, output};
-use bus::{Received, RunningDomain};
+use bus::{Reader, Received, RunningDomain};
 use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus, printable};
 use runtime::Observer;
@@ -63,8 +63,7 @@ fn code(statuses: &[(&RunningDomain, Option<DeploymentStatus>)]) -> u8 {
 fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<DeploymentStatus>)>> {
     let mut queries = Vec::new();
     for domain in domains {
-        let mut tool = Observer::join(domain)?;
-        let statuses = tool.reader::<DeploymentStatus>()?;
+        let (tool, statuses) = join(domain)?;
         queries.push((domain, tool, statuses, None));
     }
     let since = Instant::now();
@@ -80,6 +79,21 @@ fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<
             Some((_, tool, _, _)) if since.elapsed() < PATIENCE => tool.wait(Duration::from_millis(50))?,
             _ => return Ok(queries.into_iter().map(|(domain, _, _, newest)| (domain, newest)).collect()),
         }
+    }
+}
+
+/// Joins a deployment. While its supervisor makes its shared memory anew, as after files of it were removed, it cannot be joined.
+fn join(domain: &RunningDomain) -> anyhow::Result<(Observer, Reader<DeploymentStatus>)> {
+    let since = Instant::now();
+    loop {
+        let joined = Observer::join(domain).map_err(anyhow::Error::from).and_then(|mut tool| {
+            let statuses = tool.reader()?;
+            Ok((tool, statuses))
+        });
+        if joined.is_ok() || since.elapsed() > PATIENCE {
+            return joined;
+        }
+        std::thread::park_timeout(Duration::from_millis(50));
     }
 }
 

@@ -22,7 +22,7 @@ impl DeploymentClock {
         Self::from_parts(nanoseconds(ClockId::Monotonic), nanoseconds(ClockId::Realtime), speed)
     }
 
-    /// The same clock, set to this time at its start if it would be earlier: in a run that goes on, time does not run backwards,
+    /// The same clock, set to this time at its start if it would be earlier: in a run that is resumed, time does not run backwards,
     /// whatever became of the wall clock since.
     pub(crate) fn not_before(self, least_ns: u64) -> Self {
         Self { started_real_ns: self.started_real_ns.max(least_ns), ..self }
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_goes_on_is_set_forward_and_never_back() {
+    fn the_clock_of_a_resumed_run_is_set_forward_and_never_back() {
         let clock = DeploymentClock::from_parts(1_000, 5_000, 2.0);
         assert_eq!(clock.not_before(7_000).at(1_010), 7_020);
         assert_eq!(clock.not_before(4_000), clock);

@@ -1,4 +1,4 @@
-//! A domain: the place where one deployment lives, and nobody else.
+//! A domain: the folder, shared memory and lock of one deployment.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use crate::locks::{is_current, is_free, open_lock_file, take_lock, wait_until_de
 use crate::membership::Membership;
 use crate::memory::{FOR_THE_SERVICES, check_free, needed};
 use crate::paths::{DomainPaths, ignore_missing, make_private, names, runtime_dir, volatile_state};
-use crate::ports::{Place, Ports};
+use crate::ports::{Ports, Presence};
 use crate::reader::Reader;
 use crate::writer::Writer;
 
@@ -149,7 +149,7 @@ impl Domain {
         visit_services(&mut creation)?;
         self.services = creation.services;
         self.paths.close_to_others().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
-        self.ports = Some(Ports::new(fabric, self.run.number, Place::Supervisor));
+        self.ports = Some(Ports::new(fabric, self.run.number, Presence::Supervisor));
         self.made = self.paths.of_the_bus().map_err(|source| DomainError::Io { path: "/dev/shm".into(), source })?;
         Ok(())
     }
@@ -315,7 +315,7 @@ impl ServiceVisitor for Creation<'_> {
 }
 
 /// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone. Where the
-/// whole runtime folder has been removed, as a service manager does, nobody can be told to wait, and what is in shared memory goes at once.
+/// whole runtime folder has been removed, as a service manager does, no lock is left to wait for, and what is in shared memory goes at once.
 ///
 /// # Errors
 /// When another supervisor has taken the domain, processes stay, or the file system refuses.

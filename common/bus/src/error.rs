@@ -128,7 +128,7 @@ pub enum DomainError {
         /// Process id of its supervisor, as it wrote it.
         pid: String,
     },
-    /// Nobody holds it.
+    /// No supervisor holds it.
     #[error("deployment {name} is not running")]
     NoDomain {
         /// Its name.

@@ -189,7 +189,7 @@ pub(crate) fn listener<D>(opened: &Opened<D>) -> Result<Option<Rc<Listener<ipc::
     Ok(Some(Rc::new(listener)))
 }
 
-/// The configuration of iceoryx2 within one domain. Nobody cleans up but the supervisor.
+/// The configuration of iceoryx2 within one domain. Only the supervisor cleans up.
 fn config(paths: &DomainPaths) -> Result<Config, BusError> {
     let root = paths.root();
     let refused = |detail: String| BusError::Refused { what: "cannot place", service: root.display().to_string(), detail };

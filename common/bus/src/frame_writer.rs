@@ -72,7 +72,7 @@ impl<P: Pictures> FrameWriter<P> {
         self.transmit(seq, stamp_ns, Kind::End, FrameLayout::default(), 0, always(|_| ())).map(|Ok(())| ())
     }
 
-    /// Whether anyone reads: what nobody looks at need not be made.
+    /// Whether a process reads: a picture without a reader need not be made.
     #[must_use]
     pub fn is_read(&self) -> bool {
         self.outlet.readers() > 0

@@ -31,7 +31,7 @@ pub fn make_private(path: &Path) -> io::Result<()> {
     let uid = rustix::process::getuid().as_raw();
     if !found.is_dir() || found.uid() != uid || found.mode() & 0o022 != 0 {
         return Err(io::Error::other(format!(
-            "{} is owned by user {} with mode {:o}, expected a folder of user {uid} that nobody else may write",
+            "{} is owned by user {} with mode {:o}, expected a folder of user {uid} that no other user may write",
             path.display(),
             found.uid(),
             found.mode() & 0o777
@@ -80,7 +80,7 @@ impl DomainPaths {
         format!("stillmap_{hash:08x}_")
     }
 
-    /// Makes what lies in shared memory the user's alone: iceoryx2 leaves one small file open to everybody.
+    /// Makes what lies in shared memory the user's alone: iceoryx2 leaves one small file open to all users.
     pub(crate) fn close_to_others(&self) -> io::Result<()> {
         let prefix = self.prefix();
         let uid = rustix::process::getuid().as_raw();
@@ -93,14 +93,15 @@ impl DomainPaths {
         Ok(())
     }
 
-    /// The folders of the domain, and the files of its services. To be called while no process has joined.
+    /// The folders of the domain, and the files that its services have for as long as they exist. Others come and go with observers.
     pub(crate) fn of_the_bus(&self) -> io::Result<Vec<PathBuf>> {
         let prefix = self.prefix();
         let in_memory = std::fs::read_dir("/dev/shm")?.flatten();
         let in_memory = in_memory.filter(|entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()));
         let services = std::fs::read_dir(self.root().join("services")).into_iter().flatten().flatten();
-        let folders = [self.directory.clone(), self.root()].into_iter();
-        Ok(folders.chain(in_memory.chain(services).map(|entry| entry.path())).collect())
+        let files = in_memory.chain(services).map(|entry| entry.path());
+        let lasting = files.filter(|path| path.extension().is_some_and(|extension| extension == "dynamic" || extension == "service"));
+        Ok([self.directory.clone(), self.root()].into_iter().chain(lasting).collect())
     }
 
     /// Removes everything the domain ever put anywhere. Only while nothing lives in it.

@@ -45,11 +45,11 @@ pub struct Ports {
     inputs: Vec<Rc<RefCell<Account>>>,
     sent: Rc<Cell<u64>>,
     /// Dropped last: until then something of this process is on the bus.
-    _place: Place,
+    _presence: Presence,
 }
 
 /// What a process has in a domain.
-pub(crate) enum Place {
+pub(crate) enum Presence {
     /// The whole of it: its supervisor.
     Supervisor,
     /// A share of the lock that a supervisor waits for.
@@ -66,9 +66,9 @@ impl Ports {
     pub fn join(membership: &Membership) -> Result<Self, DomainError> {
         let paths = DomainPaths::of_directory(membership.directory())
             .ok_or_else(|| DomainError::NoDomain { name: membership.directory().display().to_string() })?;
-        let place = Place::Process { _share: join_members(&paths)? };
+        let presence = Presence::Process { _share: join_members(&paths)? };
         let fabric = Fabric::join(&paths, membership.process())?;
-        let ports = Self::new(fabric, membership.run(), place);
+        let ports = Self::new(fabric, membership.run(), presence);
         Ok(Self { clock: Some(membership.clock()), routed: membership.routed.clone(), ..ports })
     }
 
@@ -78,13 +78,13 @@ impl Ports {
     /// When it has just ended, is of another version, or shared memory is used up.
     pub fn observe(domain: &RunningDomain) -> Result<Self, DomainError> {
         check_free(FOR_AN_OBSERVER)?;
-        let place = Place::Observer { _visit: Visit::to(domain.paths())? };
-        Ok(Self::new(Fabric::join(domain.paths(), "tool")?, domain.run(), place))
+        let presence = Presence::Observer { _visit: Visit::to(domain.paths())? };
+        Ok(Self::new(Fabric::join(domain.paths(), "tool")?, domain.run(), presence))
     }
 
-    pub(crate) fn new(fabric: Fabric, run: u64, place: Place) -> Self {
+    pub(crate) fn new(fabric: Fabric, run: u64, presence: Presence) -> Self {
         let (listeners, writers, inputs) = (Vec::new(), Vec::new(), Vec::new());
-        Self { fabric, run, clock: None, routed: Vec::new(), listeners, writers, inputs, sent: Rc::default(), _place: place }
+        Self { fabric, run, clock: None, routed: Vec::new(), listeners, writers, inputs, sent: Rc::default(), _presence: presence }
     }
 
     /// Opens an input: its messages wake the process, and it has a place among the counters of inputs.

@@ -32,7 +32,7 @@ pub(crate) enum Admission {
     Message { lost_before: u64 },
     /// It says that the stream ends after `seq`, for the first time.
     End { seq: u64 },
-    /// It is whole, but cannot be meant.
+    /// It is intact, but its values are invalid.
     Refused { problem: String },
     /// It is not handed out: of another run, damaged, or had before.
     Dropped,
@@ -92,7 +92,7 @@ impl Drop for Refusals {
 pub(crate) struct Stream {
     service: &'static Service,
     run: u64,
-    /// None for visitors, who are in nobody's way.
+    /// None for observers, on which no process waits.
     clock: Option<DeploymentClock>,
     latencies: Box<Latencies>,
     account: Rc<RefCell<Account>>,
@@ -113,8 +113,8 @@ pub(crate) struct Account {
 }
 
 impl Account {
-    /// How far a stream is answered by whoever has answered what was handed out up to `seq`: behind all of that, what was
-    /// refused has its answer, too.
+    /// How far a stream is answered by a process that has answered what was handed out up to `seq`: behind all of that, what was
+    /// refused counts as answered, too.
     pub(crate) fn answered(&self, seq: u64) -> u64 {
         if seq >= self.handed_out { seq.max(self.passed) } else { seq }
     }
@@ -163,7 +163,7 @@ impl Stream {
         self.ended
     }
 
-    /// Decides on a message, whose `checksum` is that of [`checksum`], and counts it. `validate` says whether a payload can be meant.
+    /// Decides on a message, whose `checksum` is that of [`checksum`], and counts it. `validate` checks the values of the payload.
     pub(crate) fn admit(
         &mut self,
         header: &Header,
@@ -223,7 +223,7 @@ impl Stream {
         let mut lost_before = 0;
         if service.sequenced {
             if header.seq <= account.handed_out {
-                // What is said again is as old as it was. Who begins anew with its numbers would be taken for one who repeats himself.
+                // A republished message has its old stamp. With a newer one, its sender has restarted its numbering.
                 if self.last_stamp_ns > 0 && header.stamp_ns > self.last_stamp_ns {
                     account.counters.refused += 1;
                     let known = account.handed_out;
@@ -242,7 +242,7 @@ impl Stream {
         let counters = &mut account.counters;
         if let Some(clock) = self.clock {
             self.latencies.take(clock.since(header.stamp_ns));
-            // Often enough for whoever looks, too seldom to cost anything.
+            // Often enough for people, too seldom to cost anything.
             if counters.received.is_multiple_of(LATENCIES_EVERY) {
                 counters.latency_median_us = self.latencies.within_us(0.5);
                 counters.latency_p99_us = self.latencies.within_us(0.99);
@@ -288,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn who_has_answered_what_was_handed_out_has_answered_what_was_not() {
+    fn answers_to_messages_cover_the_refused_ones_behind_them() {
         let mut stream = stream();
         assert!(is_handed_out(&mut stream, &header(Kind::Data, 1, 100)));
         assert!(!is_handed_out(&mut stream, &header(Kind::Data, 2, 50)), "its clock was set back");
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_a_damaged_message_counts_when_it_is_one_of_the_next() {
+    fn the_number_of_a_damaged_message_counts_if_it_is_near() {
         let mut stream = stream();
         let mut damaged = |seq| {
             assert!(matches!(stream.admit(&header(Kind::Data, seq, 0), || CHECKSUM + 1, || Ok(())), Admission::Dropped));
@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn who_begins_anew_with_its_numbers_is_named_and_who_repeats_himself_is_not() {
+    fn a_restarted_numbering_is_refused_and_a_repetition_dropped() {
         let mut stream = stream();
         let counts = |stream: &Stream| (stream.account().borrow().counters.refused, stream.account().borrow().counters.repeated);
         assert!((1..=3).all(|seq| is_handed_out(&mut stream, &header(Kind::Data, seq, 100 * seq))));
@@ -354,7 +354,7 @@ mod tests {
         assert_eq!(counts(&stream), (0, 1));
         assert!(!is_handed_out(&mut stream, &header(Kind::Data, 1, 400)));
         assert_eq!(counts(&stream), (1, 1));
-        // Where only the number of what was had is known, nothing can be told.
+        // Where only the last number is known, the two cannot be told apart.
         let mut restarted = self::stream();
         restarted.skip_to(3, 0);
         assert!(!is_handed_out(&mut restarted, &header(Kind::Data, 1, 400)));
@@ -366,7 +366,7 @@ mod tests {
         let mut stream = stream();
         stream.skip_to(5, 1_000);
         assert_eq!((stream.passed(), answered(&stream, 4), answered(&stream, 5)), (5, 4, 5));
-        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 5, 1_000)), "it was had before");
+        assert!(!is_handed_out(&mut stream, &header(Kind::Data, 5, 1_000)), "it was already received");
         assert!(!is_handed_out(&mut stream, &header(Kind::Data, 6, 999)));
         assert!(is_handed_out(&mut stream, &header(Kind::Data, 7, 1_000)));
     }

@@ -49,7 +49,7 @@ fn messages_arrive_once_in_order_and_the_end_is_said() {
 }
 
 #[test]
-fn what_is_missing_is_counted_and_what_cannot_be_meant_is_refused() {
+fn missing_messages_are_counted_and_invalid_ones_refused() {
     let domain = domain();
     let mut source = ports(&domain, "source");
     let mut sink = ports(&domain, "sink");

@@ -35,7 +35,7 @@ fn taken(reader: &mut FrameReader<CameraFrame>) -> Vec<(u64, u64, u8)> {
 }
 
 #[test]
-fn pictures_of_every_kind_arrive_once_in_order_as_they_were_written() {
+fn pictures_of_every_kind_arrive_once_in_order() {
     let domain = domain();
     let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
     let mut writer: FrameWriter<CameraFrame> = source.frame_writer().unwrap();
