@@ -6,6 +6,15 @@ use rustix::time::{ClockId, clock_gettime};
 
 /// Maps the machine's monotonic clock to nanoseconds since the Unix epoch, at a given speed. The same in every process of a
 /// deployment, so that stamps of several drivers agree; it never runs backwards.
+///
+/// ```
+/// use stillmap_bus::DeploymentClock;
+///
+/// // A simulation that runs ten times faster than real time.
+/// let clock = DeploymentClock::start(10.0);
+/// let stamp_ns = clock.now_ns();
+/// assert!(clock.now_ns() >= stamp_ns);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DeploymentClock {
     /// The monotonic clock when the deployment started, ns.

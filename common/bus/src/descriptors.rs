@@ -15,6 +15,10 @@ const PER_SERVICE: usize = 9;
 const PER_PROCESS: usize = 6;
 
 /// Most descriptors that one process of a deployment of so many processes needs.
+///
+/// ```
+/// assert!(stillmap_bus::needed_descriptors(8) > 256, "the usual lower limit is too low");
+/// ```
 #[must_use]
 pub fn needed_descriptors(processes: usize) -> u64 {
     (OWN + PER_SERVICE * SERVICES.len() + PER_PROCESS * processes) as u64

@@ -26,6 +26,18 @@ const LONGEST_FOLDER: usize = 48;
 type Held = Box<dyn std::any::Any>;
 
 /// Which run a domain is for, and where its checkpoints are.
+///
+/// ```
+/// use stillmap_bus::{Claim, Run};
+///
+/// let claim = Claim::take(&format!("example-run-{}", std::process::id()), 1.0)?;
+/// // The run of this number is resumed for the third time.
+/// let resumed = Run { number: 7, start: 3, ..claim.new_run() };
+/// let domain = claim.open(resumed, &[])?;
+/// assert_eq!(domain.run(), 7);
+/// domain.close()?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Run {
     /// In the header of every message.
@@ -39,6 +51,17 @@ pub struct Run {
 }
 
 /// The name of a domain, taken for a new supervisor: no process lives in it, and what an earlier run left is removed.
+///
+/// ```
+/// use stillmap_bus::Claim;
+///
+/// let claim = Claim::take(&format!("example-claim-{}", std::process::id()), 1.0)?;
+/// let run = claim.new_run();
+/// // Scans go through a process that taps the service.
+/// let domain = claim.open(run, &["robot/scan"])?;
+/// domain.close()?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 pub struct Claim {
     paths: DomainPaths,
     lock: File,
@@ -46,6 +69,17 @@ pub struct Claim {
 }
 
 /// The supervisor's hold on a domain: the lock, the folder and every service.
+///
+/// ```
+/// use stillmap_bus::Domain;
+///
+/// let domain = Domain::open(&format!("example-domain-{}", std::process::id()), 1.0)?;
+/// // A child process joins with this environment.
+/// let environment = domain.membership_for("driver", 0, "settings.toml".as_ref()).environment();
+/// assert!(environment.iter().any(|(variable, _)| *variable == "STILLMAP_DOMAIN"));
+/// domain.close()?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 pub struct Domain {
     paths: DomainPaths,
     /// Its own ports; None only while the bus is made anew.
@@ -316,6 +350,17 @@ impl ServiceVisitor for Creation<'_> {
 
 /// Removes what the supervisor of the domain at `directory` left when it was killed: waits until its last process is gone. Where the
 /// whole runtime folder has been removed, as a service manager does, no lock is left to wait for, and what is in shared memory goes at once.
+///
+/// ```
+/// use stillmap_bus::{Domain, sweep};
+///
+/// let domain = Domain::open(&format!("example-sweep-{}", std::process::id()), 1.0)?;
+/// let folder = domain.directory().to_owned();
+/// domain.close()?;
+/// // The guard of a killed supervisor does this. Here nothing is left.
+/// sweep(&folder)?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 ///
 /// # Errors
 /// When another supervisor has taken the domain, processes stay, or the file system refuses.

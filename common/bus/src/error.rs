@@ -10,9 +10,20 @@ use iceoryx2::service::builder::publish_subscribe::{PublishSubscribeCreateError,
 use crate::descriptors::has_no_descriptor;
 
 /// Exit code of a process that found the domain itself broken: only wiping it helps.
+///
+/// ```
+/// assert_eq!(stillmap_bus::EXIT_BROKEN_DOMAIN, 70);
+/// ```
 pub const EXIT_BROKEN_DOMAIN: u8 = 70;
 
 /// A service, port or node that could not be had or used.
+///
+/// ```
+/// use stillmap_bus::BusError;
+///
+/// let error = BusError::NoService { service: "robot/scan" };
+/// assert!(!error.to_string().is_empty());
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// The service is not there: the deployment is not running, or is another one.
@@ -112,6 +123,15 @@ impl BusError {
 }
 
 /// A domain that could not be opened, joined or cleaned.
+///
+/// ```
+/// use stillmap_bus::{Domain, DomainError};
+///
+/// // A name has small letters, digits and hyphens.
+/// let Err(error) = Domain::open("../elsewhere", 1.0) else { panic!("refused") };
+/// let described: DomainError = error;
+/// assert!(described.to_string().contains("elsewhere"));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     /// The name cannot be one.

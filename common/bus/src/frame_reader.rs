@@ -18,6 +18,25 @@ use crate::slot::FrameHeaderSlot;
 use crate::stream::{Account, Admission, Received, Stream, checksum};
 
 /// Receives the pictures of one service, under the rules of [`Reader`](crate::Reader).
+///
+/// ```
+/// use messages::{CameraFrame, FrameLayout, PixelFormat};
+/// use stillmap_bus::{Domain, Ports, Received};
+///
+/// let domain = Domain::open(&format!("example-frame-reader-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut frames = ports.frame_reader::<CameraFrame>()?;
+/// let mut camera = ports.frame_writer::<CameraFrame>()?;
+/// camera.send(1, 1_000, FrameLayout::packed(16, 16, PixelFormat::Grey), &[7; 256])?;
+///
+/// let Some(Received::Message(frame)) = frames.take()? else { panic!("a picture waits") };
+/// assert_eq!((frame.seq(), frame.bytes()[0]), (1, 7));
+/// # drop(frame);
+/// # drop((frames, camera, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct FrameReader<P: Pictures> {
     subscriber: Subscriber<ipc::Service, [u8], FrameHeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
@@ -29,6 +48,26 @@ pub struct FrameReader<P: Pictures> {
 }
 
 /// A picture in shared memory, checked; it goes back to its sender when dropped.
+///
+/// ```
+/// use messages::{CameraFrame, FrameLayout, PixelFormat};
+/// use stillmap_bus::{Domain, Ports, Received};
+///
+/// let domain = Domain::open(&format!("example-frame-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut frames = ports.frame_reader::<CameraFrame>()?;
+/// let mut camera = ports.frame_writer::<CameraFrame>()?;
+/// camera.send(1, 1_000, FrameLayout::packed(16, 20, PixelFormat::Grey), &[0; 320])?;
+///
+/// let Some(Received::Message(frame)) = frames.take()? else { panic!("a picture waits") };
+/// let rows = frame.bytes().chunks(frame.layout().stride as usize);
+/// assert_eq!((frame.format(), rows.len()), (PixelFormat::Grey, 20));
+/// # drop(frame);
+/// # drop((frames, camera, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Frame<P: Pictures> {
     sample: Sample<ipc::Service, [u8], FrameHeaderSlot>,
     format: PixelFormat,
@@ -37,6 +76,13 @@ pub struct Frame<P: Pictures> {
 }
 
 /// A picture that arrived whole and was refused: its shape does not fit its bytes, or its time runs backwards.
+///
+/// ```
+/// use stillmap_bus::RefusedFrame;
+///
+/// let refused = RefusedFrame { seq: 4, stamp_ns: 900, problem: "its stamp 900 ns is before 1000 ns".to_owned() };
+/// assert_eq!(refused.seq, 4);
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RefusedFrame {
     /// Its place in the stream.

@@ -16,6 +16,22 @@ use crate::slot::FrameHeaderSlot;
 use crate::stream::checksum;
 
 /// Sends the pictures of one service.
+///
+/// ```
+/// use messages::{CameraFrame, FrameLayout, PixelFormat};
+/// use stillmap_bus::{Domain, Ports};
+///
+/// let domain = Domain::open(&format!("example-frame-writer-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut camera = ports.frame_writer::<CameraFrame>()?;
+/// // The picture is written straight into shared memory.
+/// camera.send_with(1, 1_000, FrameLayout::packed(16, 16, PixelFormat::Grey), |bytes| bytes.fill(128))?;
+/// camera.end(1, 1_000)?;
+/// # drop((camera, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct FrameWriter<P: Pictures> {
     outlet: Rc<Outlet<[u8], FrameHeaderSlot>>,
     run: u64,

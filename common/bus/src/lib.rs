@@ -1,5 +1,28 @@
 //! The ports of a process on the bus, and the one home of iceoryx2.
 //!
+//! # Where to start
+//!
+//! A driver or any other process of a deployment uses the shell of the crate `stillmap-runtime`, which joins the bus and hands out the
+//! [`Reader`]s and [`Writer`]s of this crate: `examples/text_driver.rs` is one in 30 lines, and `docs/wire.md` has its rules. Use this
+//! crate itself for a process with a run loop of its own ([`Ports`]), or to open a domain for tests ([`Domain`]):
+//!
+//! ```
+//! use messages::{Pose, SonarScan};
+//! use stillmap_bus::{Domain, Ports, Received};
+//!
+//! let domain = Domain::open(&format!("example-bus-{}", std::process::id()), 1.0)?;
+//! let mut ports = Ports::join(&domain.membership_for("driver", 0, "settings.toml".as_ref()))?;
+//! let (mut scans, mut received) = (ports.writer::<SonarScan>()?, ports.reader::<SonarScan>()?);
+//! scans.send(1, 1_000, &SonarScan::new(Pose::default(), &[], false))?;
+//! let Some(Received::Message(scan)) = received.take()? else { panic!("a scan waits") };
+//! assert_eq!((scan.seq(), scan.stamp_ns()), (1, 1_000));
+//! # drop((scan, scans, received, ports));
+//! domain.close()?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # Domains and ports
+//!
 //! A deployment lives in a [`Domain`] of its own: a folder, a prefix in shared memory and a lock. The supervisor opens it,
 //! creates every service and holds them; processes only ever open what exists. A process joins with its [`Membership`] and opens
 //! [`Ports`]: inputs ([`Reader`], for pictures [`FrameReader`]) and outputs ([`Writer`], [`FrameWriter`]). Waiting is a `poll` on

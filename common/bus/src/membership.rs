@@ -19,6 +19,19 @@ const START: &str = "STILLMAP_START";
 const SUPERVISOR: &str = "STILLMAP_SUPERVISOR";
 
 /// The place of a process in its deployment.
+///
+/// ```
+/// use stillmap_bus::{Domain, Membership};
+///
+/// // A process that a supervisor has started reads its environment.
+/// assert!(Membership::from_env().is_err(), "no supervisor has started this example");
+///
+/// let domain = Domain::open(&format!("example-membership-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("driver", 0, "settings.toml".as_ref());
+/// assert_eq!((membership.process(), membership.incarnation()), ("driver", 0));
+/// domain.close()?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Membership {
     pub(crate) directory: PathBuf,
@@ -38,6 +51,12 @@ pub struct Membership {
 }
 
 /// An environment that no supervisor made.
+///
+/// ```
+/// use stillmap_bus::{Membership, MembershipError};
+///
+/// assert!(matches!(Membership::from_env(), Err(MembershipError::Missing { .. })));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum MembershipError {
     /// A variable is missing: the process was not started by a supervisor.

@@ -18,6 +18,12 @@ const FOR_A_PROCESS: u64 = 128 << 10;
 
 /// Whether so little shared memory is left that a process that joins, or writes to a page that was never in use, may be killed (bus
 /// error). A full `/dev/shm` shows that way only; it is no error that could be handled.
+///
+/// ```
+/// if stillmap_bus::shared_memory_is_short() {
+///     eprintln!("/dev/shm is nearly full: nothing is started now");
+/// }
+/// ```
 #[must_use]
 pub fn shared_memory_is_short() -> bool {
     free().is_ok_and(|free| free < FOR_AN_OBSERVER)

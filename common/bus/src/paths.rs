@@ -23,6 +23,13 @@ pub(crate) fn runtime_dir() -> io::Result<PathBuf> {
 
 /// Makes a folder that only its user may enter, and the folders above it that are missing.
 ///
+/// ```
+/// let folder = std::env::temp_dir().join(format!("example-private-{}", std::process::id()));
+/// stillmap_bus::make_private(&folder)?;
+/// std::fs::remove_dir(folder)?;
+/// # Ok::<(), std::io::Error>(())
+/// ```
+///
 /// # Errors
 /// When the file system refuses, or the folder that is there already belongs to another user or others may write to it.
 pub fn make_private(path: &Path) -> io::Result<()> {

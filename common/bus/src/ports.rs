@@ -33,6 +33,24 @@ use crate::writer::Writer;
 /// Services are opened, never created: they exist as long as their domain does. Readers and writers are used by the process
 /// itself; what they have in common is here: the descriptors that wake it, its counters, and the history that readers get which
 /// join after a message was sent.
+///
+/// ```
+/// use std::time::Duration;
+/// use stillmap_bus::{Domain, Ports, Received};
+/// use messages::{Pose, SonarScan};
+///
+/// let domain = Domain::open(&format!("example-ports-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut scans = ports.reader::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::new(Pose::default(), &[], false))?;
+/// ports.wait(&[], Duration::from_secs(1))?;
+/// assert!(matches!(scans.take()?, Some(Received::Message(_))));
+/// # drop((scans, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Ports {
     fabric: Fabric,
     run: u64,

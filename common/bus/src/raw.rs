@@ -16,6 +16,27 @@ use crate::slot::{HeaderSlot, Slot};
 use crate::stream::checksum;
 
 /// A message with its header, whatever they say.
+///
+/// ```
+/// use stillmap_bus::{Claim, Ports};
+/// use messages::SonarScan;
+///
+/// let claim = Claim::take(&format!("example-raw-{}", std::process::id()), 1.0)?;
+/// let run = claim.new_run();
+/// let domain = claim.open(run, &["robot/scan"])?;
+/// let mut ports = Ports::join(&domain.membership_for("injector", 0, "settings.toml".as_ref()))?;
+/// let tap = ports.tap::<SonarScan>()?;
+/// let injection = ports.injection::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::default())?;
+///
+/// let message = tap.take()?.expect("a scan waits");
+/// assert_eq!((message.seq(), message.stamp_ns(), message.is_end()), (1, 1_000, false));
+/// # let _ = &injection;
+/// # drop((tap, injection, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Raw<T: Payload> {
     header: Header,
@@ -23,6 +44,28 @@ pub struct Raw<T: Payload> {
 }
 
 /// Takes what publishers send on a service that does not go straight to its readers.
+///
+/// ```
+/// use stillmap_bus::{Claim, Ports};
+/// use messages::SonarScan;
+///
+/// let claim = Claim::take(&format!("example-tap-{}", std::process::id()), 1.0)?;
+/// let run = claim.new_run();
+/// let domain = claim.open(run, &["robot/scan"])?;
+/// let mut ports = Ports::join(&domain.membership_for("injector", 0, "settings.toml".as_ref()))?;
+/// let tap = ports.tap::<SonarScan>()?;
+/// let injection = ports.injection::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::default())?;
+///
+/// let message = tap.take()?.expect("a scan waits");
+/// // It has not reached the readers of `robot/scan`.
+/// assert_eq!(message.seq(), 1);
+/// # let _ = &injection;
+/// # drop((tap, injection, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Tap<T: Payload> {
     subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
@@ -31,6 +74,29 @@ pub struct Tap<T: Payload> {
 }
 
 /// Gives messages to the readers of a service as if their publisher had.
+///
+/// ```
+/// use stillmap_bus::{Claim, Ports};
+/// use messages::SonarScan;
+///
+/// let claim = Claim::take(&format!("example-injection-{}", std::process::id()), 1.0)?;
+/// let run = claim.new_run();
+/// let domain = claim.open(run, &["robot/scan"])?;
+/// let mut ports = Ports::join(&domain.membership_for("injector", 0, "settings.toml".as_ref()))?;
+/// let tap = ports.tap::<SonarScan>()?;
+/// let injection = ports.injection::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::default())?;
+///
+/// let message = tap.take()?.expect("a scan waits");
+/// let mut scans = ports.reader::<SonarScan>()?;
+/// injection.send(&message)?;
+/// assert!(scans.take()?.is_some());
+/// # drop(scans);
+/// # drop((tap, injection, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Injection<T: Payload> {
     outlet: Rc<Outlet<Slot<T>, HeaderSlot>>,
 }

@@ -21,6 +21,32 @@ use crate::stream::{Account, Admission, Received, Stream, checksum};
 ///
 /// On a sequenced service it hands out each number once and in order, counts what is missing, and refuses stamps that run
 /// backwards; on every service it refuses messages of another run, with a wrong checksum, or with numbers out of range.
+///
+/// ```
+/// use stillmap_bus::{Domain, Ports, Received};
+/// use messages::SonarScan;
+///
+/// let domain = Domain::open(&format!("example-reader-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut scans = ports.reader::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::default())?;
+/// driver.send(3, 3_000, &SonarScan::default())?;
+/// driver.end(3, 3_000)?;
+///
+/// let mut lost = 0;
+/// while let Some(received) = scans.take()? {
+///     match received {
+///         Received::Message(scan) => lost += scan.lost_before(),
+///         Received::End { seq } => assert_eq!((seq, lost), (3, 1)),
+///     }
+/// }
+/// assert!(scans.ended());
+/// # drop((scans, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Reader<T: Payload> {
     subscriber: Subscriber<ipc::Service, Slot<T>, HeaderSlot>,
     listener: Option<Rc<Listener<ipc::Service>>>,
@@ -30,6 +56,26 @@ pub struct Reader<T: Payload> {
 }
 
 /// A message in shared memory, checked; it goes back to its sender when dropped.
+///
+/// ```
+/// use stillmap_bus::{Domain, Ports, Received};
+/// use messages::{Pose, SonarScan};
+///
+/// let domain = Domain::open(&format!("example-message-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut scans = ports.reader::<SonarScan>()?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// driver.send(1, 1_000, &SonarScan::new(Pose::new(0.5, 0.0, 0.0), &[], false))?;
+///
+/// let Some(Received::Message(scan)) = scans.take()? else { panic!("a scan waits") };
+/// // A message derefs to its payload.
+/// assert_eq!((scan.seq(), scan.stamp_ns(), scan.pose.x_m), (1, 1_000, 0.5));
+/// # drop(scan);
+/// # drop((scans, driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Message<T: Payload> {
     sample: Sample<ipc::Service, Slot<T>, HeaderSlot>,
     lost_before: u64,

@@ -11,6 +11,16 @@ use crate::error::DomainError;
 use crate::paths::{DomainPaths, names, runtime_dir};
 
 /// A deployment that runs on this machine under this user.
+///
+/// ```
+/// use stillmap_bus::{Domain, RunningDomain};
+///
+/// let name = format!("example-running-{}", std::process::id());
+/// let domain = Domain::open(&name, 1.0)?;
+/// assert!(RunningDomain::all()?.iter().any(|running| running.name() == name));
+/// domain.close()?;
+/// # Ok::<(), stillmap_bus::DomainError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunningDomain {
     paths: DomainPaths,

@@ -16,6 +16,16 @@ use crate::latency::Latencies;
 const LATENCIES_EVERY: u64 = 16;
 
 /// What a reader hands out.
+///
+/// ```
+/// use stillmap_bus::Received;
+///
+/// let received: Received<&str> = Received::End { seq: 12 };
+/// match received {
+///     Received::Message(message) => println!("{message}"),
+///     Received::End { seq } => assert_eq!(seq, 12, "no message follows"),
+/// }
+/// ```
 pub enum Received<M> {
     /// A message.
     Message(M),

@@ -13,6 +13,22 @@ use crate::slot::{HeaderSlot, Slot};
 use crate::stream::checksum;
 
 /// Sends the messages of one service.
+///
+/// ```
+/// use stillmap_bus::{Domain, Ports};
+/// use messages::{Pose, SonarScan};
+///
+/// let domain = Domain::open(&format!("example-writer-{}", std::process::id()), 1.0)?;
+/// let membership = domain.membership_for("example", 0, "settings.toml".as_ref());
+/// let mut ports = Ports::join(&membership)?;
+/// let mut driver = ports.writer::<SonarScan>()?;
+/// // Numbers start from 1; stamps are sensor time and never decrease.
+/// driver.send(1, 1_000, &SonarScan::new(Pose::default(), &[], false))?;
+/// driver.end(1, 1_000)?;
+/// # drop((driver, ports));
+/// domain.close()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Writer<T: Payload> {
     outlet: Rc<Outlet<Slot<T>, HeaderSlot>>,
     run: u64,
