@@ -125,7 +125,7 @@ fn recover(from: &Path) {
     let _ = fs::remove_file(&to);
     if let Ok(recovered) = drivelog::recover(from, &to) {
         let info = drivelog::info(&to).unwrap();
-        assert!(info.is_whole(), "{info}");
+        assert!(info.is_complete(), "{info}");
         assert_eq!(info.channels.values().map(|channel| channel.messages).sum::<u64>(), recovered.messages);
     }
 }

@@ -2,8 +2,6 @@
 
 use std::io::{self, Read};
 
-use ruzstd::decoding::StreamingDecoder;
-
 use crate::damage::Damage;
 use crate::fields::Fields;
 
@@ -28,12 +26,12 @@ pub(crate) fn unpack(offset: u64, body: &[u8]) -> Result<Vec<u8>, Damage> {
             unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "LZ4"))?;
             content
         }
-        // Not written here; the usual tools write it.
         "zstd" => {
-            let mut content = Vec::new();
-            let decoder = StreamingDecoder::new(packed).map_err(io::Error::other);
-            let unpacked = decoder.and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
-            unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "Zstandard"))?;
+            let mut content = Vec::with_capacity(size as usize);
+            let unpacked = ruzstd::decoding::StreamingDecoder::new(packed)
+                .map_err(io::Error::other)
+                .and_then(|decoder| decoder.take(size + 1).read_to_end(&mut content));
+            unpacked.map_err(|error| wrong(format!("a chunk that cannot be unpacked ({error})"), "zstd"))?;
             content
         }
         other => return Err(wrong(format!("compression {other:?}"), "lz4, zstd or none")),

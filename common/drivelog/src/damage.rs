@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use messages::printable;
+
 use crate::decode_error::DecodeError;
 
 /// Bytes of a log that are not what they should be.
@@ -23,7 +25,13 @@ fn passed_over(skipped: u64) -> String {
     if skipped > 0 { format!("; {skipped} bytes are passed over") } else { String::new() }
 }
 
-/// What is wrong with a file that should be a log.
+fn program(library: &str, profile: &str) -> String {
+    let library = if library.is_empty() { "an unnamed program" } else { library };
+    let profile = if profile.is_empty() { String::new() } else { format!(" with profile {profile}") };
+    printable(&format!("{library}{profile}")).into_owned()
+}
+
+/// The reason that a file is not read as a log.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
     /// The file cannot be opened, read or written.
@@ -38,11 +46,13 @@ pub enum Fault {
         /// Size of what can be read, bytes.
         offset: u64,
     },
-    /// An MCAP file of another program.
-    #[error("recorded by {library:?}, not a stillmap log: it has neither settings nor the description of a run")]
+    /// A sound MCAP file without the settings and the description of a run.
+    #[error("recorded by {}: not a stillmap log", program(library, profile))]
     Foreign {
-        /// The library that its header names.
+        /// The library that has written the file, as its header says.
         library: String,
+        /// The profile of the messages, as its header says.
+        profile: String,
     },
     /// A log of another format, or one whose description cannot be read.
     #[error("its description says {entry} {found:?}, expected {expected}")]
@@ -54,7 +64,7 @@ pub enum Fault {
         /// What it should say.
         expected: &'static str,
     },
-    /// A message that cannot be read, or whose numbers cannot be meant.
+    /// A message that cannot be read, or whose numbers are invalid.
     #[error("message {sequence} of {topic}, in the chunk at byte {offset}: {source}")]
     Message {
         /// Where its chunk starts in the file, from 0.

@@ -1,5 +1,4 @@
-//! Bytes of a log that were cut or changed, each at every place: what is left is read, what is lost is noticed, nothing is
-//! made up, and nothing panics.
+//! Logs cut or changed at every byte: the rest is read, every loss is reported, no message is invented, and nothing panics.
 
 use std::ops::Range;
 
@@ -60,7 +59,7 @@ struct Found {
 }
 
 fn read(bytes: &[u8]) -> Result<Found, Fault> {
-    let mut part = PartReader::new(bytes)?;
+    let mut part = PartReader::new(std::io::Cursor::new(bytes))?;
     let (mut scans, mut faults) = (Vec::new(), Vec::new());
     loop {
         match part.advance() {

@@ -1,4 +1,4 @@
-//! What is in a log, at a glance.
+//! A summary of a log.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,13 +8,14 @@ use messages::{printable, seconds};
 
 use crate::damage::LogError;
 use crate::ending::Ending;
+use crate::gaps::Gaps;
 use crate::log::{Log, Outcome, Part};
 use crate::preamble::Preamble;
 
-/// Most damages that are told one by one.
+/// Most damages that are listed.
 const MAX_DAMAGES: usize = 20;
 
-/// A log at a glance.
+/// The summary of a log.
 #[derive(Debug)]
 pub struct Info {
     /// What it starts with.
@@ -27,9 +28,11 @@ pub struct Info {
     pub damages: Vec<LogError>,
     /// How many times something could not be read.
     pub damage_count: u64,
+    /// What is missing.
+    pub gaps: Gaps,
 }
 
-/// A topic at a glance.
+/// The summary of a topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelInfo {
     /// Name of its schema.
@@ -45,7 +48,7 @@ pub struct ChannelInfo {
 /// Reads a log from its start to its end.
 ///
 /// # Errors
-/// When it is no log, or one of its files cannot be opened; damage further on is part of what is told.
+/// When it is no log, or one of its files cannot be opened; damage further on is part of the summary.
 pub fn info(path: &Path) -> Result<Info, LogError> {
     let mut log = Log::open(path)?;
     let mut channels: BTreeMap<String, ChannelInfo> = BTreeMap::new();
@@ -77,7 +80,7 @@ pub fn info(path: &Path) -> Result<Info, LogError> {
             }
         }
     }
-    Ok(Info { preamble: log.preamble().clone(), parts: log.parts().to_vec(), channels, damages, damage_count })
+    Ok(Info { preamble: log.preamble().clone(), parts: log.parts().to_vec(), gaps: log.gaps(), channels, damages, damage_count })
 }
 
 impl Info {
@@ -89,10 +92,12 @@ impl Info {
         Some((first, last))
     }
 
-    /// Whether every file ends as it should and everything can be read.
+    /// Whether no part and no scan or picture is missing, every file ends with its index, and everything can be read.
     #[must_use]
-    pub fn is_whole(&self) -> bool {
-        self.damage_count == 0 && self.parts.iter().all(|part| !matches!(part.outcome, Outcome::Read(Ending::Cut { .. }) | Outcome::Empty))
+    pub fn is_complete(&self) -> bool {
+        self.damage_count == 0
+            && self.gaps.is_empty()
+            && self.parts.iter().all(|part| !matches!(part.outcome, Outcome::Read(Ending::Cut { .. }) | Outcome::Empty))
     }
 }
 
@@ -122,8 +127,11 @@ impl fmt::Display for Info {
         for damage in &self.damages {
             writeln!(f, "damage    {}", printable(&damage.to_string()))?;
         }
-        let untold = self.damage_count - self.damages.len() as u64;
-        if untold > 0 { writeln!(f, "damage    {untold} more") } else { Ok(()) }
+        let unlisted = self.damage_count - self.damages.len() as u64;
+        if unlisted > 0 {
+            writeln!(f, "damage    {unlisted} more")?;
+        }
+        self.gaps.lines().iter().try_for_each(|gap| writeln!(f, "missing   {gap}"))
     }
 }
 
@@ -131,7 +139,7 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Read(Ending::Complete) => f.write_str("complete"),
-            Self::Read(Ending::Cut { offset }) => write!(f, "cut, whole up to byte {offset}"),
+            Self::Read(Ending::Cut { offset }) => write!(f, "cut, complete up to byte {offset}"),
             Self::Read(Ending::Damaged(damage)) => damage.fmt(f),
             Self::Empty => f.write_str("cut before its first message"),
             Self::OtherRun(run) => write!(f, "left out, it is of another run ({run:016x})"),

@@ -1,6 +1,7 @@
 //! The log of a drive: MCAP files of what was on the bus, written, read, recovered and imported.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod carry;
 mod chunk;
 mod damage;
 #[cfg(test)]
@@ -9,12 +10,15 @@ mod decode_error;
 mod deframer;
 mod ending;
 mod fields;
+mod gaps;
+mod head;
 mod image;
 mod info;
 mod json;
 mod line;
 mod log;
 mod logged;
+mod numbers;
 mod part;
 mod parts;
 mod preamble;
@@ -29,6 +33,7 @@ mod writer;
 pub use damage::{Damage, Fault, LogError, WriteError};
 pub use decode_error::DecodeError;
 pub use ending::Ending;
+pub use gaps::{Gaps, Missing};
 pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
 pub use log::{Entry, Log, Outcome, Part};

@@ -1,6 +1,6 @@
 //! A log of one or more files, read as one.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -9,10 +9,12 @@ use messages::{Pictures, Service};
 use crate::damage::{Fault, LogError};
 use crate::decode_error::DecodeError;
 use crate::ending::Ending;
+use crate::gaps::Gaps;
 use crate::image::{self, Image};
 use crate::logged::Logged;
-use crate::part::{PartReader, RawMessage, find_preamble};
-use crate::parts::following_parts;
+use crate::numbers::Numbers;
+use crate::part::{PartReader, RawMessage};
+use crate::parts::{following_parts, is_later_part};
 use crate::preamble::Preamble;
 use crate::views::PoseView;
 use crate::writer::{END_TOPIC, End};
@@ -38,18 +40,18 @@ pub enum Entry<T> {
     },
 }
 
-/// A file of a log, and what became of reading it.
+/// A file of a log and the outcome of reading it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
     /// The file.
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// What became of it.
+    /// The outcome of reading it.
     pub outcome: Outcome,
 }
 
-/// What became of reading a file of a log.
+/// The outcome of reading a file of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// It was read up to this end.
@@ -60,42 +62,73 @@ pub enum Outcome {
     OtherRun(u64),
 }
 
-/// Reads a log in the order in which it was written; the parts that follow its first file are taken along.
+/// Reads a log in the order in which it was written, with the parts that follow its first file.
 pub struct Log {
     preamble: Preamble,
-    current: Option<(PathBuf, u64, PartReader<File>)>,
-    waiting: VecDeque<PathBuf>,
+    current: Option<Current>,
+    waiting: VecDeque<(u32, PathBuf)>,
     /// Size of the files that wait, bytes.
     waiting_bytes: u64,
     parts: Vec<Part>,
-    /// The last message of each numbered stream: a restarted recorder is given again what it had before.
-    last: BTreeMap<String, u32>,
+    numbers: Numbers,
+    missing_parts: Vec<(u32, u32)>,
+    /// Number of the part that was opened last.
+    number: u32,
+    /// The log was opened by its first file: every part is expected.
+    expects_parts: bool,
+    /// The part that was read last says that another one follows.
+    continues: bool,
+}
+
+/// The file that is being read.
+struct Current {
+    path: PathBuf,
+    bytes: u64,
+    reader: PartReader<File>,
 }
 
 impl Log {
-    /// Opens a log by its first file.
+    /// Opens a log by its first file, which may be missing if others follow. A file with the name of a later part is read by itself.
     ///
     /// # Errors
     /// When the file cannot be read, is no log, or is cut before its first message and nothing follows it.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let following = following_parts(path).map_err(LogError::at(path))?;
-        let mut waiting: VecDeque<PathBuf> = following.into_iter().map(|(_, part)| part).collect();
-        let mut parts = Vec::new();
-        let mut path = path.to_owned();
+        let expects_parts = !is_later_part(path);
+        let mut waiting: VecDeque<(u32, PathBuf)> = following_parts(path).map_err(LogError::at(path))?.into();
+        if waiting.is_empty() || path.exists() {
+            waiting.push_front((1, path.to_owned()));
+        }
+        let (mut parts, mut missing_parts, mut last) = (Vec::new(), Vec::new(), 0);
         loop {
+            let Some((mut number, path)) = waiting.pop_front() else {
+                return Err(LogError::at(path)(Fault::CutAtStart { offset: 0 }));
+            };
+            add_range(&mut missing_parts, last, number);
+            last = number;
             let (bytes, file) = open(&path)?;
-            match read_part(&path, file) {
+            match PartReader::new(file) {
                 Ok(reader) => {
+                    if number == 1 && expects_parts {
+                        number = reader.number().unwrap_or(1);
+                        add_range(&mut missing_parts, 0, number);
+                    }
                     let preamble = reader.preamble().clone();
-                    let waiting_bytes = waiting.iter().filter_map(|path| path.metadata().ok()).map(|file| file.len()).sum();
-                    let current = Some((path, bytes, reader));
-                    return Ok(Self { preamble, current, waiting, waiting_bytes, parts, last: BTreeMap::new() });
+                    let waiting_bytes = waiting.iter().filter_map(|(_, path)| path.metadata().ok()).map(|file| file.len()).sum();
+                    let current = Some(Current { path, bytes, reader });
+                    return Ok(Self {
+                        preamble,
+                        current,
+                        waiting,
+                        waiting_bytes,
+                        parts,
+                        numbers: Numbers::default(),
+                        missing_parts,
+                        number,
+                        expects_parts,
+                        continues: false,
+                    });
                 }
-                Err(fault @ Fault::CutAtStart { .. }) => {
-                    let Some(following) = waiting.pop_front() else { return Err(LogError::at(&path)(fault)) };
-                    parts.push(Part { path, bytes, outcome: Outcome::Empty });
-                    path = following;
-                }
+                Err(Fault::CutAtStart { .. }) if !waiting.is_empty() => parts.push(Part { path, bytes, outcome: Outcome::Empty }),
                 Err(fault) => return Err(LogError::at(&path)(fault)),
             }
         }
@@ -111,6 +144,12 @@ impl Log {
     #[must_use]
     pub fn parts(&self) -> &[Part] {
         &self.parts
+    }
+
+    /// What the log lacks, as far as it has been read.
+    #[must_use]
+    pub fn gaps(&self) -> Gaps {
+        Gaps { parts: self.missing_parts.clone(), messages: self.numbers.missing().clone() }
     }
 
     /// The next message or the end of the stream of `T`, passing over everything else; `None` at the end of the log.
@@ -153,7 +192,7 @@ impl Log {
     #[must_use]
     pub fn position(&self) -> (u64, u64) {
         let closed: u64 = self.parts.iter().map(|part| part.bytes).sum();
-        let (read, bytes) = self.current.as_ref().map_or((0, 0), |(_, bytes, reader)| (reader.offset(), *bytes));
+        let (read, bytes) = self.current.as_ref().map_or((0, 0), |current| (current.reader.offset(), current.bytes));
         (closed + read, closed + bytes + self.waiting_bytes)
     }
 
@@ -163,11 +202,11 @@ impl Log {
     /// When something cannot be read; the next call goes on behind it.
     pub fn advance(&mut self) -> Result<bool, LogError> {
         while self.current.is_some() || self.open_next()? {
-            let Some((path, _, reader)) = &mut self.current else { continue };
+            let Some(Current { path, reader, .. }) = &mut self.current else { continue };
             let path = path.clone();
             if !reader.advance().map_err(LogError::at(&path))? {
                 self.close()?;
-            } else if !self.is_repeated() {
+            } else if self.is_new() {
                 return Ok(true);
             }
         }
@@ -177,17 +216,19 @@ impl Log {
     /// The message that was last gone on to.
     #[must_use]
     pub fn message(&self) -> Option<RawMessage<'_>> {
-        self.current.as_ref().and_then(|(_, _, reader)| reader.message())
+        self.current.as_ref().and_then(|current| current.reader.message())
     }
 
     /// Opens the next part of this run; false when there is none.
     fn open_next(&mut self) -> Result<bool, LogError> {
-        while let Some(path) = self.waiting.pop_front() {
+        while let Some((number, path)) = self.waiting.pop_front() {
+            add_range(&mut self.missing_parts, self.number, number);
+            self.number = number;
             let (bytes, file) = open(&path)?;
             self.waiting_bytes = self.waiting_bytes.saturating_sub(bytes);
-            let outcome = match read_part(&path, file) {
+            let outcome = match PartReader::new(file) {
                 Ok(reader) if reader.preamble().run == self.preamble.run => {
-                    self.current = Some((path, bytes, reader));
+                    self.current = Some(Current { path, bytes, reader });
                     return Ok(true);
                 }
                 Ok(reader) => Outcome::OtherRun(reader.preamble().run),
@@ -196,12 +237,16 @@ impl Log {
             };
             self.parts.push(Part { path, bytes, outcome });
         }
+        if std::mem::take(&mut self.continues) {
+            add_range(&mut self.missing_parts, self.number, self.number.saturating_add(2));
+        }
         Ok(false)
     }
 
     /// Leaves the current file.
     fn close(&mut self) -> Result<(), LogError> {
-        let Some((path, bytes, reader)) = self.current.take() else { return Ok(()) };
+        let Some(Current { path, bytes, reader }) = self.current.take() else { return Ok(()) };
+        self.continues = reader.continues() && self.expects_parts;
         let ending = reader.ending().cloned().unwrap_or(Ending::Complete);
         self.parts.push(Part { path: path.clone(), bytes, outcome: Outcome::Read(ending.clone()) });
         match ending {
@@ -210,33 +255,28 @@ impl Log {
         }
     }
 
-    /// Whether the message was in the log before; takes note of it.
-    fn is_repeated(&mut self) -> bool {
-        let Some(message) = self.current.as_ref().and_then(|(_, _, reader)| reader.message()) else { return false };
-        if !is_sequenced(&message.channel.topic) {
-            return false;
-        }
-        match self.last.get_mut(&message.channel.topic) {
-            // The low 32 bits of two numbers that are less than 2³¹ apart.
-            Some(last) if (message.sequence.wrapping_sub(*last) as i32) <= 0 => true,
-            Some(last) => {
-                *last = message.sequence;
-                false
-            }
-            None => {
-                self.last.insert(message.channel.topic.clone(), message.sequence);
-                false
-            }
-        }
+    /// Takes note of the number of the current message; false if the log has had it before.
+    fn is_new(&mut self) -> bool {
+        let Self { current, numbers, number, .. } = self;
+        let Some(message) = current.as_ref().and_then(|current| current.reader.message()) else { return true };
+        let topic = message.channel.topic.as_str();
+        !is_sequenced(topic) || numbers.take(topic, message.sequence, *number == 1)
     }
 
     fn fault(&self, source: DecodeError) -> LogError {
-        let path = self.current.as_ref().map(|(path, _, _)| path.clone()).unwrap_or_default();
+        let path = self.current.as_ref().map(|current| current.path.clone()).unwrap_or_default();
         let (offset, topic, sequence) = match self.message() {
             Some(message) => (message.offset, message.channel.topic.clone(), message.sequence),
             None => (0, String::new(), 0),
         };
         LogError::at(&path)(Fault::Message { offset, topic, sequence, source })
+    }
+}
+
+/// Adds the numbers between these two.
+fn add_range(ranges: &mut Vec<(u32, u32)>, before: u32, behind: u32) {
+    if behind.saturating_sub(before) > 1 {
+        ranges.push((before + 1, behind - 1));
     }
 }
 
@@ -249,18 +289,6 @@ fn decode<T: Logged>(data: &[u8]) -> Result<(u64, T), DecodeError> {
     let (seq, payload) = T::decode(data)?;
     payload.validate()?;
     Ok((seq, payload))
-}
-
-/// Reads a file from its start. One without a preamble there may have it elsewhere.
-fn read_part(path: &Path, file: File) -> Result<PartReader<File>, Fault> {
-    match PartReader::new(file) {
-        Err(fault @ Fault::Damaged(_)) => match find_preamble(File::open(path)?) {
-            Ok(Some(preamble)) => Ok(PartReader::with_preamble(File::open(path)?, preamble)),
-            Err(foreign @ Fault::Foreign { .. }) => Err(foreign),
-            Ok(None) | Err(_) => Err(fault),
-        },
-        read => read,
-    }
 }
 
 fn open(path: &Path) -> Result<(u64, File), LogError> {

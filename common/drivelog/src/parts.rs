@@ -1,10 +1,10 @@
-//! The files of a log: `drive.mcap`, and `drive.2.mcap`, `drive.3.mcap` … that its recorder went on in: restarted, after a full
-//! disk, or because the log is long.
+//! The files of a log: `drive.mcap`, and `drive.2.mcap`, `drive.3.mcap` … in which its recorder continued: after a restart, after a
+//! failure of the disk or the loss of a file, or because the log is long.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The file in which a log goes on as its part `number`, from 2.
+/// The file of part `number` of a log, from 2.
 #[must_use]
 pub fn part_path(log: &Path, number: u32) -> PathBuf {
     let stem = log.file_stem().unwrap_or_default().to_string_lossy();
@@ -35,6 +35,17 @@ pub fn following_parts(log: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
     Ok(parts)
 }
 
+/// Whether a file is named as a part after the first: it is read by itself then.
+pub(crate) fn is_later_part(path: &Path) -> bool {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let Some((first, _)) = stem.rsplit_once('.') else { return false };
+    let mut log = path.with_file_name(first);
+    if let Some(extension) = path.extension() {
+        log = log.with_added_extension(extension);
+    }
+    number_of(&log, &path.file_name().unwrap_or_default().to_string_lossy()).is_some()
+}
+
 fn number_of(log: &Path, name: &str) -> Option<u32> {
     let stem = log.file_stem()?.to_str()?;
     let rest = name.strip_prefix(stem)?.strip_prefix('.')?;
@@ -52,10 +63,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_goes_on_beside_its_first_file() {
+    fn parts_are_beside_the_first_file() {
         assert_eq!(part_path(Path::new("out/drive.mcap"), 2), Path::new("out/drive.2.mcap"));
         assert_eq!(part_path(Path::new("a.b.mcap"), 11), Path::new("a.b.11.mcap"));
         assert_eq!(part_path(Path::new("drive"), 3), Path::new("drive.3"));
+        let later = ["drive.mcap", "drive.2.mcap", "a.b.11.mcap", "drive.02.mcap", "drive.3.gz.mcap", "drive"];
+        assert_eq!(later.map(|name| is_later_part(Path::new(name))), [false, true, true, false, false, false]);
     }
 
     #[test]

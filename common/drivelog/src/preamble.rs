@@ -16,8 +16,22 @@ const FORMAT: &str = "stillmap 1";
 pub(crate) const SETTINGS: &str = "settings.toml";
 /// Name of the metadata record with the rest.
 pub(crate) const DESCRIPTION: &str = "stillmap";
+/// Name of the metadata record at the end of a part that another part follows.
+pub(crate) const CONTINUED: &str = "stillmap.continued";
+/// Entry of the description with the number of the part. Logs of earlier versions lack it.
+const PART: &str = "part";
 
-/// What a log says of itself; it stands at its start, so that a cut file has it too.
+/// A record at the end of a part, which says that another part follows.
+pub(crate) fn continued() -> Metadata {
+    Metadata { name: CONTINUED.to_owned(), metadata: BTreeMap::new() }
+}
+
+/// The number of the part with this description, from 1.
+pub(crate) fn part_number(entries: &BTreeMap<String, String>) -> Option<u32> {
+    entries.get(PART)?.parse().ok()
+}
+
+/// The description at the start of a log, where a cut file has it too.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preamble {
     /// The run that is recorded; in the header of every message.
@@ -26,9 +40,9 @@ pub struct Preamble {
     pub robot: String,
     /// The sonar ring in the robot frame, in the order of the sonars' numbers.
     pub sonars: Vec<Pose>,
-    /// Where the log comes from, in words.
+    /// The origin of the log, in words.
     pub origin: String,
-    /// The settings of the deployment, whole, as TOML.
+    /// The complete settings of the deployment, as TOML.
     pub settings: String,
 }
 
@@ -44,14 +58,15 @@ impl Preamble {
         }
     }
 
-    /// The rest as the second.
-    pub(crate) fn metadata(&self) -> Metadata {
+    /// The rest as the second, in the part of this number.
+    pub(crate) fn metadata(&self, part: u32) -> Metadata {
         let entries = [
             ("format", FORMAT.to_owned()),
             ("run", format!("{:016x}", self.run)),
             ("robot", self.robot.clone()),
             ("sonars", json::encode_list(&self.sonars)),
             ("origin", self.origin.clone()),
+            (PART, part.to_string()),
         ];
         Metadata { name: DESCRIPTION.to_owned(), metadata: entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect() }
     }

@@ -1,15 +1,13 @@
-//! The records of a file and what stands in them.
+//! The records of a file and their fields.
 
 use std::collections::BTreeMap;
-use std::io::{ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek};
 
 use crate::damage::{Damage, Fault};
 use crate::deframer::{Deframer, Frame};
 use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::logged::Format;
-
-use crate::preamble::SETTINGS;
 
 /// Bytes that are read at a time.
 const READ: usize = 256 << 10;
@@ -65,7 +63,7 @@ impl<R: Read> RecordReader<R> {
     /// The next record; `None` at the end of the file.
     ///
     /// # Errors
-    /// When the source cannot be read, or records are lost; the next call goes on behind them.
+    /// When the source cannot be read, or records are lost; the next call continues behind them.
     pub(crate) fn next(&mut self) -> Result<Option<Record>, Fault> {
         while self.ending.is_none() {
             let own = |frame: Frame<'_>| Record { offset: frame.offset, opcode: frame.opcode, body: frame.body.to_vec() };
@@ -85,6 +83,15 @@ impl<R: Read> RecordReader<R> {
         self.deframer.distrust();
     }
 
+    /// The source, at its start again.
+    pub(crate) fn restart(mut self) -> io::Result<R>
+    where
+        R: Seek,
+    {
+        self.source.rewind()?;
+        Ok(self.source)
+    }
+
     fn read(&mut self) -> Result<(), Fault> {
         match self.source.read(&mut self.read) {
             Ok(0) => self.deframer.end(),
@@ -98,31 +105,6 @@ impl<R: Read> RecordReader<R> {
 
 pub(crate) fn damage(record: &Record, found: &str, expected: &str) -> Damage {
     Damage { offset: record.offset, found: found.to_owned(), expected: expected.to_owned(), skipped: 0 }
-}
-
-/// The settings from their attachment.
-pub(crate) fn settings_of(record: &Record) -> Result<String, Damage> {
-    let wrong = |found: &str| damage(record, found, "the attachment settings.toml with its checksum");
-    let mut fields = Fields(&record.body);
-    let parse = |fields: &mut Fields<'_>| {
-        fields.u64()?;
-        fields.u64()?;
-        let name = fields.text()?.to_owned();
-        fields.text()?;
-        let length = fields.u64()?;
-        Some((name, fields.bytes(length)?.to_vec()))
-    };
-    let (name, content) = parse(&mut fields).ok_or_else(|| wrong("an attachment that does not fit its length"))?;
-    let covered = &record.body[..record.body.len() - fields.0.len()];
-    let calculated = crc32fast::hash(covered);
-    match fields.u32() {
-        Some(saved) if saved == calculated => {}
-        saved => return Err(wrong(&format!("checksum {:08x} instead of {calculated:08x}", saved.unwrap_or_default()))),
-    }
-    match String::from_utf8(content) {
-        Ok(settings) if name == SETTINGS => Ok(settings),
-        _ => Err(wrong(&format!("the attachment {name:?}"))),
-    }
 }
 
 /// A metadata record.

@@ -5,10 +5,11 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::damage::{Fault, LogError};
+use crate::gaps::Gaps;
 use crate::log::Log;
 use crate::writer::{LogWriter, Times};
 
-/// What became of a recovery.
+/// The result of a recovery.
 #[derive(Debug)]
 pub struct Recovered {
     /// Messages in the new log.
@@ -17,13 +18,15 @@ pub struct Recovered {
     pub bytes: u64,
     /// What could not be read.
     pub damages: Vec<LogError>,
+    /// What is missing in both logs.
+    pub gaps: Gaps,
 }
 
 /// Writes everything that can be read of the log `from`, with the parts that follow it, into the new file `to`, in order and
 /// with its index.
 ///
 /// # Errors
-/// When `from` is no log, or `to` exists already or cannot be written; a file begun is removed.
+/// When `from` is no log, or `to` exists already or cannot be written; an unfinished file is removed.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
     let mut log = Log::open(from)?;
     let mut file = File::create_new(to).map_err(LogError::at(to))?;
@@ -35,8 +38,8 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
 }
 
 fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
-    let mut writer = LogWriter::new(log.preamble())?;
-    let mut recovered = Recovered { messages: 0, bytes: 0, damages: Vec::new() };
+    let mut writer = LogWriter::new(log.preamble(), 1)?;
+    let mut recovered = Recovered { messages: 0, bytes: 0, damages: Vec::new(), gaps: Gaps::default() };
     loop {
         match log.advance() {
             Ok(true) => {
@@ -51,6 +54,7 @@ fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
             Err(error) => recovered.damages.push(error),
         }
     }
+    recovered.gaps = log.gaps();
     recovered.bytes += append(file, &writer.finish()?)?;
     Ok(recovered)
 }

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::damage::WriteError;
 use crate::logged::{Format, Logged, json_format};
-use crate::preamble::Preamble;
+use crate::preamble::{Preamble, continued};
+use crate::records::Channel;
 
 /// The topic that says which streams have ended.
 pub(crate) const END_TOPIC: &str = "log/end";
@@ -45,30 +46,23 @@ impl End {
     }
 }
 
-/// When a message was.
+/// The times of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Times {
-    /// Its place on the log's time line, which is sensor time.
+    /// Sensor time when it was recorded.
     pub(crate) log_ns: u64,
     /// Its stamp.
     pub(crate) stamp_ns: u64,
 }
 
-impl Times {
-    /// Of a message whose stamp is sensor time.
-    pub(crate) fn of(stamp_ns: u64) -> Self {
-        Self { log_ns: stamp_ns, stamp_ns }
-    }
-}
-
-/// Writes a log into memory; whoever holds it brings the bytes to where they belong.
+/// Writes a log into memory; its owner writes the bytes to a file.
 ///
 /// What [`take`](Self::take) gives after a [`flush`](Self::flush) is, with all that was taken before, a log that can be read
 /// up to the last message, whatever happens next.
 pub(crate) struct LogWriter {
     writer: mcap::Writer<NoSeek<Outbox>>,
     outbox: Outbox,
-    channels: BTreeMap<String, u16>,
+    channels: BTreeMap<u16, Channel>,
     chunks: u64,
 }
 
@@ -94,11 +88,11 @@ impl Write for Outbox {
 }
 
 impl LogWriter {
-    /// A log that starts with what its replay needs.
+    /// A part of a log, which starts with what its replay needs.
     ///
     /// # Errors
     /// When the preamble is too large for the format.
-    pub(crate) fn new(preamble: &Preamble) -> Result<Self, WriteError> {
+    pub(crate) fn new(preamble: &Preamble, part: u32) -> Result<Self, WriteError> {
         let outbox = Outbox::default();
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Lz4))
@@ -108,7 +102,7 @@ impl LogWriter {
             .library(concat!("stillmap ", env!("CARGO_PKG_VERSION")))
             .create(NoSeek::new(outbox.clone()))?;
         writer.attach(&preamble.attachment())?;
-        writer.write_metadata(&preamble.metadata())?;
+        writer.write_metadata(&preamble.metadata(part))?;
         Ok(Self { writer, outbox, channels: BTreeMap::new(), chunks: 0 })
     }
 
@@ -116,27 +110,19 @@ impl LogWriter {
     ///
     /// # Errors
     /// When the log has more channels than the format allows.
-    pub(crate) fn message<T: Logged>(&mut self, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
-        self.raw(T::SERVICE.name, T::format, Times::of(stamp_ns), seq as u32, &payload.encode(seq, stamp_ns))
-    }
-
-    /// Adds a message whose stamp is not sensor time: on the log's time line it stands at `log_ns`.
-    ///
-    /// # Errors
-    /// As [`message`](Self::message).
-    pub(crate) fn report<T: Logged>(&mut self, log_ns: u64, seq: u64, stamp_ns: u64, payload: &T) -> Result<(), WriteError> {
-        self.raw(T::SERVICE.name, T::format, Times { log_ns, stamp_ns }, seq as u32, &payload.encode(seq, stamp_ns))
+    pub(crate) fn message<T: Logged>(&mut self, times: Times, seq: u64, payload: &T) -> Result<(), WriteError> {
+        self.raw(T::SERVICE.name, T::format, times, seq as u32, &payload.encode(seq, times.stamp_ns))
     }
 
     /// Adds that the stream of a service ends after message `seq`.
     ///
     /// # Errors
     /// As [`message`](Self::message).
-    pub(crate) fn end(&mut self, service: &Service, seq: u64, stamp_ns: u64) -> Result<(), WriteError> {
+    pub(crate) fn end(&mut self, service: &Service, seq: u64, times: Times) -> Result<(), WriteError> {
         let end = End { service: service.name.to_owned(), seq };
         // Fails for maps whose keys are no text; this has none.
         let data = serde_json::to_vec(&end).unwrap_or_default();
-        self.raw(END_TOPIC, || json_format("End", &End::schema()), Times::of(stamp_ns), seq as u32, &data)
+        self.raw(END_TOPIC, || json_format("End", &End::schema()), times, seq as u32, &data)
     }
 
     /// Adds a message as bytes.
@@ -148,9 +134,10 @@ impl LogWriter {
         sequence: u32,
         data: &[u8],
     ) -> Result<(), WriteError> {
-        let channel_id = match self.channels.get(topic) {
-            Some(id) => *id,
-            None => self.add_channel(topic, &format())?,
+        let known = self.channels.iter().find(|(_, channel)| channel.topic == topic);
+        let channel_id = match known {
+            Some((id, _)) => *id,
+            None => self.add_channel(topic, format())?,
         };
         let header = MessageHeader { channel_id, sequence, log_time: times.log_ns, publish_time: times.stamp_ns };
         self.counting(|writer| writer.write_to_known_channel(&header, data))
@@ -164,13 +151,13 @@ impl LogWriter {
         Ok(())
     }
 
-    fn add_channel(&mut self, topic: &str, format: &Format) -> Result<u16, WriteError> {
+    fn add_channel(&mut self, topic: &str, format: Format) -> Result<u16, WriteError> {
         let schema = match format.schema_encoding.as_str() {
             "" => 0,
             encoding => self.writer.add_schema(&format.schema_name, encoding, &format.schema)?,
         };
         let id = self.writer.add_channel(schema, topic, &format.message_encoding, &BTreeMap::new())?;
-        self.channels.insert(topic.to_owned(), id);
+        self.channels.insert(id, Channel { topic: topic.to_owned(), format });
         Ok(id)
     }
 
@@ -186,6 +173,20 @@ impl LogWriter {
     #[must_use]
     pub(crate) fn chunks(&self) -> u64 {
         self.chunks
+    }
+
+    /// The channels so far.
+    #[must_use]
+    pub(crate) fn channels(&self) -> &BTreeMap<u16, Channel> {
+        &self.channels
+    }
+
+    /// Adds that another part follows this one.
+    ///
+    /// # Errors
+    /// As [`message`](Self::message).
+    pub(crate) fn continued(&mut self) -> Result<(), WriteError> {
+        Ok(self.writer.write_metadata(&continued())?)
     }
 
     /// The bytes that have become ready since they were last taken.

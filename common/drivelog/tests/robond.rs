@@ -83,7 +83,7 @@ fn a_real_log_becomes_ours() {
     // Its README: no echo is 32 % of all.
     assert_eq!(imported.without_echo * 100 / (413 * 8), 32);
     let told = info(&to).unwrap();
-    assert!(told.is_whole());
+    assert!(told.is_complete());
     assert_eq!(told.preamble.sonars.len(), 8);
     let scans = scans(&to);
     let (_, stamp_ns, last) = scans[412];

@@ -5,7 +5,7 @@ mod payloads;
 
 use core::convert::Infallible;
 
-use messages::{LogLine, MapTile, Payload, Pictures, Progress, SonarScan, TruthScan};
+use messages::{FilterVerdict, Heartbeat, LogLine, MapTile, Payload, Pictures, Progress, SonarScan, TruthScan};
 use proptest::prelude::*;
 use proptest::test_runner::TestRng;
 use stillmap_drivelog::{Entry, Log, LogVisitor, Logged, Recording, visit_logged};
@@ -125,4 +125,23 @@ fn reports_stand_among_the_sensor_messages_before_them() {
         let Some(Entry::Message { seq, stamp_ns, .. }) = log.next_of::<Progress>().unwrap() else { panic!("a report") };
         assert_eq!((seq, stamp_ns), expected);
     }
+}
+
+#[test]
+fn messages_are_in_the_order_of_their_log_times() {
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    recording.report(1, 9, &Heartbeat::default()).unwrap();
+    // Answers have the stamps of earlier scans.
+    for seq in 1..=20_u64 {
+        recording.scan(seq, seq * 1_000, &SonarScan::default()).unwrap();
+        recording.add(seq, seq.saturating_sub(3) * 1_000, &FilterVerdict::default()).unwrap();
+        recording.tile(seq, seq.saturating_sub(5) * 1_000, &MapTile { cell_m: 0.05, ..MapTile::default() }).unwrap();
+    }
+    recording.end::<FilterVerdict>(20, 17_000).unwrap();
+    let log = recording.finish().unwrap();
+    let messages: Vec<_> = mcap::MessageStream::new(&log).unwrap().map(Result::unwrap).collect();
+    assert!(messages.is_sorted_by_key(|message| message.log_time));
+    let verdicts = messages.iter().filter(|message| message.channel.topic == "map/verdict");
+    let stamps: Vec<u64> = verdicts.map(|message| message.publish_time).collect();
+    assert_eq!(stamps, (1..=20_u64).map(|seq| seq.saturating_sub(3) * 1_000).collect::<Vec<_>>());
 }

@@ -10,7 +10,7 @@ const MOST_CHUNKS: u64 = 1024;
 ///
 /// After a failed write the buffer is blocked: it keeps what it holds, to end that file with it, and drops and counts every new
 /// message, so that its memory does not grow. When the file has been ended, or when the part [is full](Self::is_full), the log
-/// continues in a new file with the [next](Self::next) buffer.
+/// continues in a new file with the [next](Self::next) buffer, which begins with the messages that were not written.
 pub struct LogBuffer {
     /// `None` once the part is finished.
     recording: Option<Recording>,
@@ -20,6 +20,10 @@ pub struct LogBuffer {
     pending: Vec<u8>,
     blocked: bool,
     recorded: u64,
+    /// Recorded messages that are not in a file.
+    unwritten: u64,
+    /// Those of them whose chunk is not closed.
+    open: u64,
     dropped: u64,
 }
 
@@ -32,18 +36,36 @@ impl LogBuffer {
         Ok(Self::of(Recording::new(preamble)?))
     }
 
-    fn of(recording: Recording) -> Self {
-        Self { recording: Some(recording), scene: Scene::default(), pending: Vec::new(), blocked: false, recorded: 0, dropped: 0 }
-    }
-
-    /// The buffer of the part after this one, which is finished. It begins with the map at the end of this one, and its counts
-    /// include those of this one.
+    /// An empty log that begins as part `number`, after parts that lack so many messages.
     ///
     /// # Errors
     /// As [`LogBuffer::new`].
-    pub fn next(&self, preamble: &Preamble) -> Result<Self, WriteError> {
-        let recording = Recording::after(self.scene.clone(), preamble)?;
-        Ok(Self { recorded: self.recorded, dropped: self.dropped, ..Self::of(recording) })
+    pub fn resumed(preamble: &Preamble, number: u32, dropped: u64) -> Result<Self, WriteError> {
+        Ok(Self { dropped, ..Self::of(Recording::after(Scene::default(), &[], number, preamble)?) })
+    }
+
+    fn of(recording: Recording) -> Self {
+        Self {
+            recording: Some(recording),
+            scene: Scene::default(),
+            pending: Vec::new(),
+            blocked: false,
+            recorded: 0,
+            unwritten: 0,
+            open: 0,
+            dropped: 0,
+        }
+    }
+
+    /// The buffer of part `number`, after this one, which [has ended](Self::end_part). It begins with the messages of this one that
+    /// are not written and with the map at its end, and its counts include those of this one.
+    ///
+    /// # Errors
+    /// As [`LogBuffer::new`].
+    pub fn next(&self, preamble: &Preamble, number: u32) -> Result<Self, WriteError> {
+        let recording = Recording::after(self.scene.clone(), &self.pending, number, preamble)?;
+        let (recorded, unwritten, dropped) = (self.recorded, self.unwritten, self.dropped);
+        Ok(Self { recorded, unwritten, open: unwritten, dropped, ..Self::of(recording) })
     }
 
     /// Records one message with `add`, or drops it while the buffer is blocked.
@@ -54,7 +76,12 @@ impl LogBuffer {
         match &mut self.recording {
             Some(recording) if !self.blocked => {
                 self.recorded += 1;
-                add(recording)
+                self.unwritten += 1;
+                let closed = recording.chunks();
+                let added = add(recording);
+                // A chunk is closed before the message for which it is too large.
+                self.open = if recording.chunks() > closed { 1 } else { self.open + 1 };
+                added
             }
             _ => {
                 self.dropped += 1;
@@ -78,12 +105,15 @@ impl LogBuffer {
     pub fn flush(&mut self) -> Result<&[u8], WriteError> {
         if let Some(recording) = self.recording.as_mut().filter(|_| !self.blocked) {
             recording.flush()?;
+            self.open = 0;
         }
         Ok(self.chunks())
     }
 
-    /// Reports that what [`chunks`](Self::chunks), [`flush`](Self::flush) or [`finish`](Self::finish) returned is in the file.
+    /// Reports that what [`chunks`](Self::chunks), [`flush`](Self::flush), [`end_part`](Self::end_part) or [`finish`](Self::finish)
+    /// returned is in the file.
     pub fn written(&mut self) {
+        self.unwritten = self.open;
         self.pending.clear();
         self.blocked = false;
     }
@@ -117,15 +147,34 @@ impl LogBuffer {
         self.dropped
     }
 
-    /// Everything that is not written, with the index that ends the part.
+    /// Number of messages that are recorded and not yet in a file.
+    #[must_use]
+    pub fn unwritten(&self) -> u64 {
+        self.unwritten
+    }
+
+    /// Everything that is not written, with the index that ends the part. Another part follows.
+    ///
+    /// # Errors
+    /// When the chunk is too large for the format.
+    pub fn end_part(&mut self) -> Result<&[u8], WriteError> {
+        if let Some(recording) = self.recording.take() {
+            let (rest, scene) = recording.finish_part()?;
+            self.pending.extend(rest);
+            self.scene = scene;
+            self.open = 0;
+        }
+        Ok(&self.pending)
+    }
+
+    /// Everything that is not written, with the index that ends the log.
     ///
     /// # Errors
     /// When the chunk is too large for the format.
     pub fn finish(&mut self) -> Result<&[u8], WriteError> {
         if let Some(recording) = self.recording.take() {
-            let (rest, scene) = recording.finish_part()?;
-            self.pending.extend(rest);
-            self.scene = scene;
+            self.pending.extend(recording.finish()?);
+            self.open = 0;
         }
         Ok(&self.pending)
     }
@@ -194,8 +243,9 @@ mod tests {
         for seq in 1..=2 * MOST_CHUNKS + 1 {
             record(&mut buffer, seq);
             if buffer.is_full() {
-                parts.last_mut().unwrap().extend_from_slice(buffer.finish().unwrap());
-                buffer = buffer.next(&preamble()).unwrap();
+                parts.last_mut().unwrap().extend_from_slice(buffer.end_part().unwrap());
+                buffer.written();
+                buffer = buffer.next(&preamble(), 2).unwrap();
                 parts.push(Vec::new());
             }
             parts.last_mut().unwrap().extend_from_slice(buffer.flush().unwrap());
@@ -206,6 +256,43 @@ mod tests {
         let all: Vec<Vec<u64>> = parts.iter().map(|part| scans(part)).collect();
         assert_eq!(all.concat(), (1..=2 * MOST_CHUNKS + 1).collect::<Vec<_>>());
         assert_eq!(all.iter().map(Vec::len).collect::<Vec<_>>(), [MOST_CHUNKS as usize + 1, MOST_CHUNKS as usize]);
+    }
+
+    #[test]
+    fn the_next_part_begins_with_what_was_not_written() {
+        let mut buffer = buffer();
+        record(&mut buffer, 1);
+        let disk = buffer.flush().unwrap().to_vec();
+        buffer.written();
+        record(&mut buffer, 2);
+        buffer.flush().unwrap();
+        buffer.write_failed();
+        record(&mut buffer, 3);
+        buffer.end_part().unwrap();
+        assert_eq!((buffer.unwritten(), buffer.dropped()), (1, 1));
+        let mut next = buffer.next(&preamble(), 2).unwrap();
+        assert_eq!((next.recorded(), next.unwritten(), next.dropped()), (2, 1, 1));
+        record(&mut next, 4);
+        assert_eq!(scans(next.finish().unwrap()), [2, 4]);
+        next.written();
+        assert_eq!((next.recorded(), next.unwritten(), next.dropped()), (3, 0, 1));
+        assert_eq!(scans(&disk), [1]);
+    }
+
+    #[test]
+    fn messages_count_as_written_when_their_chunk_is() {
+        let layout = FrameLayout::packed(640, 480, PixelFormat::Rgb);
+        let mut buffer = buffer();
+        let picture = vec![7; layout.bytes()];
+        let mut unwritten = Vec::new();
+        for seq in 1..=4 {
+            buffer.record(|recording| recording.picture::<CameraFrame>(seq, seq, &layout, &picture)).unwrap();
+            buffer.chunks();
+            buffer.written();
+            unwritten.push(buffer.unwritten());
+        }
+        // A chunk of two pictures exceeds a megabyte: it is closed before the third.
+        assert_eq!(unwritten, [1, 2, 1, 2]);
     }
 
     #[test]

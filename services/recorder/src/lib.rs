@@ -6,17 +6,24 @@
 //! killed recorder could miss.
 //!
 //! When the disk is full the recorder reports it, counts what it drops and keeps running. Once there is space again it ends that
-//! file and continues in the next part. A long log continues in the next part as well, so that the index of a file takes at most a
-//! megabyte of memory.
+//! file and continues in the next part. A file that fails in another way, or that was removed, moved or truncated, is left: the next
+//! part begins with the messages that were not written. A long log continues in the next part as well, so that the index of a file
+//! takes at most a megabyte of memory. At the end every part is compared with what was written.
 //!
+//! - [`RunLog`]: the log of a run, part after part.
 //! - [`LogBuffer`]: what is recorded and not yet written.
 //! - [`LogFile`]: the file of one part.
+//! - [`WrittenPart`]: what was written, to be compared with what is there.
 //!
 //! The process that joins them to the bus is in the `stillmap` command.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
 mod buffer;
 mod file;
+mod run_log;
+mod written;
 
 pub use buffer::LogBuffer;
 pub use file::LogFile;
+pub use run_log::{RunLog, Written};
+pub use written::{Change, WrittenPart};

@@ -1,4 +1,4 @@
-//! Files that were cut or damaged, or are no log: what is left is read, what is lost is said.
+//! Files that are cut, damaged, or no log: the rest is read, and the losses are reported.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod payloads;
@@ -67,23 +67,23 @@ fn is_one_line(error: &LogError) -> bool {
 }
 
 #[test]
-fn a_cut_log_says_where_it_is_cut() {
+fn the_summary_of_a_cut_log_has_the_place_of_the_cut() {
     let Example { bytes, flushed, .. } = example();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
     let (size, scans) = flushed[2];
     std::fs::write(&path, &bytes[..size + 10]).unwrap();
-    let told = info(&path).unwrap();
-    assert_eq!(told.channels[SonarScan::SERVICE.name].messages, scans);
+    let summary = info(&path).unwrap();
+    assert_eq!(summary.channels[SonarScan::SERVICE.name].messages, scans);
     let part = Part { path, bytes: size as u64 + 10, outcome: Outcome::Read(Ending::Cut { offset: size as u64 }) };
-    assert_eq!(told.parts, [part]);
-    assert!(!told.is_whole());
-    assert!(told.to_string().contains(&format!("cut, whole up to byte {size}")), "{told}");
+    assert_eq!(summary.parts, [part]);
+    assert!(!summary.is_complete());
+    assert!(summary.to_string().contains(&format!("cut, complete up to byte {size}")), "{summary}");
 }
 
 proptest! {
     #[test]
-    fn any_bytes_are_a_log_or_a_clear_word(noise in prop::collection::vec(any::<u8>(), 0..400), keep in 0usize..2_000, at_start: bool) {
+    fn any_bytes_are_a_log_or_a_one_line_error(noise in prop::collection::vec(any::<u8>(), 0..400), keep in 0usize..2_000, at_start: bool) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         let log = example().bytes;
@@ -98,7 +98,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_no_log_is_refused_with_a_word() {
+fn a_file_that_is_no_log_is_refused_with_its_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
     let refused = |bytes: &[u8]| {
@@ -114,7 +114,9 @@ fn what_is_no_log_is_refused_with_a_word() {
     let mut other = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
     other.add_channel(0, "chatter", "json", &Default::default()).unwrap();
     other.finish().unwrap();
-    assert!(refused(&other.into_inner().into_inner()).contains("not a stillmap log"));
+    let library = "recorded by mcap-rust/0.26.0: not a stillmap log";
+    let said = refused(&other.into_inner().into_inner());
+    assert!(said.ends_with(library), "{said}");
 
     std::fs::remove_file(&path).unwrap();
     assert!(Log::open(&path).err().unwrap().to_string().contains("No such file"));
@@ -137,18 +139,18 @@ fn an_attachment_shorter_than_its_fields_is_damage() {
 fn a_cut_log_is_recovered_into_a_complete_one() {
     let Example { bytes, scans, flushed } = example();
     let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("recovered.mcap"));
     let (size, count) = flushed[2];
     std::fs::write(&from, &bytes[..size + 100]).unwrap();
     let recovered = recover(&from, &to).unwrap();
     assert!(recovered.damages.is_empty());
     assert_eq!(recovered.bytes, std::fs::metadata(&to).unwrap().len());
 
-    let told = info(&to).unwrap();
-    assert!(told.is_whole(), "{told}");
-    assert_eq!(told.preamble, payloads::preamble(7));
-    assert_eq!(told.channels, info(&from).unwrap().channels);
-    assert_eq!(told.channels.values().map(|channel| channel.messages).sum::<u64>(), recovered.messages);
+    let summary = info(&to).unwrap();
+    assert!(summary.is_complete(), "{summary}");
+    assert_eq!(summary.preamble, payloads::preamble(7));
+    assert_eq!(summary.channels, info(&from).unwrap().channels);
+    assert_eq!(summary.channels.values().map(|channel| channel.messages).sum::<u64>(), recovered.messages);
     let (found, _) = read(&to).unwrap();
     assert_eq!(found, (1..).zip(scans).take(usize::try_from(count).unwrap()).collect::<Vec<_>>());
 
@@ -160,7 +162,7 @@ fn a_cut_log_is_recovered_into_a_complete_one() {
 fn recovery_leaves_a_damaged_chunk_out() {
     let Example { mut bytes, flushed, .. } = example();
     let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("recovered.mcap"));
     let (second_chunk, before) = flushed[1];
     bytes[second_chunk + 200] ^= 1;
     std::fs::write(&from, &bytes).unwrap();
@@ -170,6 +172,7 @@ fn recovery_leaves_a_damaged_chunk_out() {
         "{:?}",
         recovered.damages
     );
+    assert_eq!(recovered.gaps.lines(), [format!("robot/scan: {HELD} messages: {} to {}", before + 1, before + HELD)]);
     let (found, errors) = read(&to).unwrap();
     assert!(errors.is_empty());
     let expected: Vec<u64> = (1..=before).chain(before + HELD + 1..=SCANS).collect();
@@ -177,10 +180,10 @@ fn recovery_leaves_a_damaged_chunk_out() {
 }
 
 #[test]
-fn recovery_goes_on_behind_a_hole() {
+fn recovery_continues_behind_a_hole() {
     let Example { mut bytes, flushed, .. } = example();
     let folder = tempfile::tempdir().unwrap();
-    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("whole.mcap"));
+    let (from, to) = (folder.path().join("drive.mcap"), folder.path().join("recovered.mcap"));
     // From the first chunk's index into the second chunk, and over the footer.
     let (second_chunk, before) = flushed[1];
     bytes[second_chunk - 40..second_chunk + 100].fill(0);
@@ -190,8 +193,8 @@ fn recovery_goes_on_behind_a_hole() {
     let recovered = recover(&from, &to).unwrap();
     assert!(recovered.damages.iter().all(|damage| damage.to_string().ends_with(" bytes are passed over")), "{:?}", recovered.damages);
     assert_eq!(recovered.damages.len(), 2);
-    let told = info(&to).unwrap();
-    assert!(told.is_whole(), "{told}");
+    let summary = info(&to).unwrap();
+    assert!(!summary.is_complete() && summary.damage_count == 0 && summary.gaps == recovered.gaps, "{summary}");
     let (found, errors) = read(&to).unwrap();
     assert!(errors.is_empty());
     let expected: Vec<u64> = (1..=before).chain(before + HELD + 1..=SCANS).collect();
@@ -199,7 +202,7 @@ fn recovery_goes_on_behind_a_hole() {
 }
 
 #[test]
-fn a_message_whose_numbers_cannot_be_meant_is_named() {
+fn a_message_with_invalid_numbers_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
     let mut recording = Recording::new(&payloads::preamble(7)).unwrap();

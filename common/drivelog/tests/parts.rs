@@ -1,4 +1,4 @@
-//! A log in parts: a recorder that was killed goes on in the next file.
+//! A log in parts: a recorder continues in the next file.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 mod payloads;
@@ -13,7 +13,7 @@ fn scan(seq: u64) -> SonarScan {
     SonarScan::new(messages::Pose { x_m: (seq % 100) as f64, ..Default::default() }, &[], false)
 }
 
-/// The file of a recorder that saw these scans, killed after the last flush or not.
+/// The file of a recorder that received these scans, killed after the last flush or not.
 fn write(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bool) {
     let mut recording = Recording::new(&payloads::preamble(run)).unwrap();
     for seq in scans {
@@ -43,7 +43,7 @@ fn scans(path: &Path) -> Vec<u64> {
 fn the_parts_of_a_run_are_one_log_without_repetition() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
-    // The history of the bus gives a restarted recorder again what it had before; numbers pass 2³² on the way.
+    // A restarted recorder receives messages of the history again; the numbers pass 2³².
     let first = u64::from(u32::MAX) - 4;
     write(&path, 7, first..=first + 5, true);
     write(&part_path(&path, 2), 7, first + 2..=first + 9, true);
@@ -52,12 +52,12 @@ fn the_parts_of_a_run_are_one_log_without_repetition() {
     write(&part_path(&path, 5), 7, first + 8..=first + 11, false);
     assert_eq!(scans(&path), (first..=first + 11).collect::<Vec<_>>());
 
-    let told = info(&path).unwrap();
-    assert_eq!(told.channels[SonarScan::SERVICE.name].messages, 12);
-    assert_eq!(told.channels["robot/pose"].messages, 12);
-    // What is no numbered stream is told as often as it was written.
-    assert_eq!(told.channels[Heartbeat::SERVICE.name].messages, 18);
-    let outcomes: Vec<_> = told.parts.iter().map(|part| (part.path.clone(), part.outcome.clone())).collect();
+    let summary = info(&path).unwrap();
+    assert_eq!(summary.channels[SonarScan::SERVICE.name].messages, 12);
+    assert_eq!(summary.channels["robot/pose"].messages, 12);
+    // Messages of other streams count as often as they were written.
+    assert_eq!(summary.channels[Heartbeat::SERVICE.name].messages, 18);
+    let outcomes: Vec<_> = summary.parts.iter().map(|part| (part.path.clone(), part.outcome.clone())).collect();
     let cut = |path: &Path| Outcome::Read(Ending::Cut { offset: std::fs::metadata(path).unwrap().len() });
     assert_eq!(
         outcomes,
@@ -69,12 +69,12 @@ fn the_parts_of_a_run_are_one_log_without_repetition() {
             (part_path(&path, 5), Outcome::Read(Ending::Complete)),
         ]
     );
-    assert!(told.to_string().contains("drive.4.mcap: ") && told.to_string().contains("another run (0000000000000008)"), "{told}");
+    assert!(summary.to_string().contains("drive.4.mcap: ") && summary.to_string().contains("another run (0000000000000008)"), "{summary}");
 
-    let whole = folder.path().join("whole.mcap");
-    recover(&path, &whole).unwrap();
-    assert_eq!(scans(&whole), scans(&path));
-    assert!(info(&whole).unwrap().is_whole());
+    let recovered = folder.path().join("recovered.mcap");
+    recover(&path, &recovered).unwrap();
+    assert_eq!(scans(&recovered), scans(&path));
+    assert!(info(&recovered).unwrap().is_complete());
 }
 
 #[test]
@@ -87,6 +87,79 @@ fn a_first_file_without_a_message_does_not_hide_the_rest() {
     assert_eq!(info(&path).unwrap().parts[0].outcome, Outcome::Empty);
 }
 
+/// A log of a run in three parts, and what its summary says is missing.
+fn missing(change: impl FnOnce(&Path)) -> Vec<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    for number in 1..=3 {
+        for seq in 10 * u64::from(number) - 9..=10 * u64::from(number) {
+            recording.scan(seq, seq * 40_000_000, &scan(seq)).unwrap();
+        }
+        let file = if number == 1 { path.clone() } else { part_path(&path, number) };
+        if number == 3 {
+            std::fs::write(file, recording.finish().unwrap()).unwrap();
+            break;
+        }
+        let (bytes, scene) = recording.finish_part().unwrap();
+        std::fs::write(file, bytes).unwrap();
+        recording = Recording::after(scene, &[], number + 1, &payloads::preamble(7)).unwrap();
+    }
+    change(&path);
+    let summary = info(&path).unwrap();
+    let lines = summary.gaps.lines();
+    assert_eq!(summary.is_complete(), lines.is_empty());
+    assert!(lines.iter().all(|line| summary.to_string().contains(&format!("missing   {line}"))), "{summary}");
+    lines
+}
+
+#[test]
+fn a_missing_part_of_a_log_is_named() {
+    let part = |number: u32| move |path: &Path| std::fs::remove_file(part_path(path, number)).unwrap();
+    assert_eq!(missing(|_| ()), [""; 0]);
+    assert_eq!(missing(|path| std::fs::remove_file(path).unwrap()), ["part 1 of the log", "robot/scan: 10 messages: 1 to 10"]);
+    assert_eq!(missing(part(2)), ["part 2 of the log", "robot/scan: 10 messages: 11 to 20"]);
+    assert_eq!(missing(part(3)), ["part 3 of the log"]);
+    let all_but_the_last = |path: &Path| {
+        std::fs::remove_file(path).unwrap();
+        std::fs::remove_file(part_path(path, 2)).unwrap();
+    };
+    assert_eq!(missing(all_but_the_last), ["parts 1 to 2 of the log", "robot/scan: 20 messages: 1 to 20"]);
+    let all_but_the_first = |path: &Path| (2..=3).for_each(|number| part(number)(path));
+    assert_eq!(missing(all_but_the_first), ["part 2 of the log"]);
+}
+
+#[test]
+fn a_later_part_under_another_name_lacks_the_parts_before_it() {
+    let renamed = |path: &Path| {
+        std::fs::remove_file(part_path(path, 2)).unwrap();
+        std::fs::rename(part_path(path, 3), path).unwrap();
+    };
+    assert_eq!(missing(renamed), ["parts 1 to 2 of the log", "robot/scan: 20 messages: 1 to 20"]);
+}
+
+#[test]
+fn a_part_that_was_not_written_begins_the_next_one() {
+    let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    recording.scan(1, 40_000_000, &scan(1)).unwrap();
+    recording.flush().unwrap();
+    let written = recording.take();
+    std::fs::write(&path, &written).unwrap();
+    recording.scan(2, 80_000_000, &scan(2)).unwrap();
+    recording.tile(1, 80_000_000, &MapTile { cell_m: 0.05, ..MapTile::default() }).unwrap();
+    let (unwritten, scene) = recording.finish_part().unwrap();
+    // With the bytes that come before it, as if the first write had failed.
+    for unwritten in [unwritten.clone(), [written, unwritten].concat()] {
+        let mut recording = Recording::after(scene.clone(), &unwritten, 2, &payloads::preamble(7)).unwrap();
+        recording.scan(3, 120_000_000, &scan(3)).unwrap();
+        std::fs::write(part_path(&path, 2), recording.finish().unwrap()).unwrap();
+        assert_eq!(scans(&path), [1, 2, 3]);
+        assert_eq!(info(&path).unwrap().gaps.lines(), [""; 0]);
+    }
+}
+
 #[test]
 fn a_part_can_be_read_by_itself() {
     let folder = tempfile::tempdir().unwrap();
@@ -94,9 +167,10 @@ fn a_part_can_be_read_by_itself() {
     write(&path, 7, 1..=4, true);
     write(&part_path(&path, 2), 7, 3..=6, false);
     assert_eq!(scans(&part_path(&path, 2)), [3, 4, 5, 6]);
+    assert!(info(&part_path(&path, 2)).unwrap().is_complete());
 }
 
-/// The pictures of the map in a file: when, and what they show.
+/// The pictures of the map in a file with their stamps.
 fn pictures(path: &Path) -> Vec<(u64, Vec<u8>)> {
     let mut log = Log::open(path).unwrap();
     let mut pictures = Vec::new();
@@ -110,7 +184,7 @@ fn pictures(path: &Path) -> Vec<(u64, Vec<u8>)> {
 }
 
 #[test]
-fn a_log_that_goes_on_in_another_file_begins_with_the_map_and_the_time_that_it_had() {
+fn the_next_part_begins_with_the_map_and_the_time_of_the_last() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
     let mut recording = Recording::new(&payloads::preamble(7)).unwrap();
@@ -120,17 +194,17 @@ fn a_log_that_goes_on_in_another_file_begins_with_the_map_and_the_time_that_it_h
     }
     let (bytes, scene) = recording.finish_part().unwrap();
     std::fs::write(&path, bytes).unwrap();
-    let mut recording = Recording::after(scene, &payloads::preamble(7)).unwrap();
+    let mut recording = Recording::after(scene, &[], 2, &payloads::preamble(7)).unwrap();
     recording.report(5, 6, &Heartbeat::default()).unwrap();
     recording.scan(2, 80_000_000, &scan(2)).unwrap();
     let second = part_path(&path, 2);
     std::fs::write(&second, recording.finish().unwrap()).unwrap();
 
     assert_eq!(scans(&path), [1, 2]);
-    assert!(info(&path).unwrap().is_whole());
+    assert!(info(&path).unwrap().is_complete());
     assert_eq!(info(&second).unwrap().channels[Heartbeat::SERVICE.name].first_ns, 40_000_000);
-    let [first, whole, again] = <[_; 3]>::try_from(pictures(&path)).unwrap();
-    assert!(first != whole && whole == again, "the map as it was, and not once more while it stays so");
+    let [first, last, again] = <[_; 3]>::try_from(pictures(&path)).unwrap();
+    assert!(first != last && last == again, "the last map, and not again while it is the same");
     assert_eq!(pictures(&second), [again]);
 }
 
