@@ -3,12 +3,12 @@
 use crate::args::RunOptions;
 use crate::drive::{drive, once, place_output, print, unique_name};
 use crate::evaluate::score_run;
-use crate::exit::BadInput;
 use crate::{built_in, exit};
 use clap::Args;
 use indicatif::MultiProgress;
 use settings::{BuiltIn, Settings};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use supervisor::Options;
 
 /// Arguments of `stillmap demo`.
 #[derive(Debug, Args)]
@@ -32,15 +32,18 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
     settings.name = unique_name("demo")?;
     settings.out = PathBuf::from("demo-out");
     place_output(&mut settings, options)?;
-    settings.simulator.world = match world {
-        Some(path) => std::path::absolute(path)?,
-        None => unpack_world(&settings.out)?,
-    };
-    crate::check::check_files(&settings)?;
+    let mut files = Vec::new();
+    if let Some(path) = world {
+        settings.simulator.world = std::path::absolute(path)?;
+        crate::check::check_files(&settings)?;
+    } else {
+        settings.simulator.world = settings.out.join("world.toml");
+        files.push((settings.simulator.world.clone(), built_in::HALL.to_owned()));
+    }
     let speed = options.speed.unwrap_or(if options.open { WATCHED_SPEED } else { SPEED });
     tracing::info!("a simulated Pioneer 1 drives through a hall in which people walk, at {speed} times real time");
     tracing::info!("the supervisor restarts every process that fails: list them with `stillmap status` and try kill -9 on one");
-    let code = drive(&settings, &once(speed)?, options.open, bars)?;
+    let code = drive(&settings, &Options { files, ..once(speed)? }, options.open, bars)?;
     if code == exit::SUCCESS && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
         match score_run(&settings.out, &log) {
@@ -52,10 +55,4 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
         }
     }
     Ok(code)
-}
-
-fn unpack_world(folder: &Path) -> anyhow::Result<PathBuf> {
-    let path = folder.join("world.toml");
-    std::fs::write(&path, built_in::HALL).map_err(|error| BadInput(format!("{}: cannot be written: {error}", path.display())))?;
-    Ok(path)
 }

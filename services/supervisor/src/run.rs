@@ -134,6 +134,9 @@ impl<'a> Supervisor<'a> {
         raise_open_files(settings.process.len())?;
         // Before anything that another deployment may be using is touched.
         let out = lock_output(&settings.out).map_err(|error| already_running(settings, error))?;
+        for (path, contents) in &options.files {
+            std::fs::write(path, contents).map_err(|source| RunError::File { path: path.clone(), source })?;
+        }
         let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;

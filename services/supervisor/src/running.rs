@@ -18,6 +18,8 @@ pub struct Options {
     pub state: Option<PathBuf>,
     /// What is there is put aside, and a new run begins.
     pub fresh: bool,
+    /// Files of the output folder that the processes read, with their contents. They are written once the folder is locked.
+    pub files: Vec<(PathBuf, String)>,
 }
 
 /// What happens while a deployment runs.
@@ -38,6 +40,14 @@ pub enum RunError {
     /// The domain is taken or cannot be made.
     #[error("{0}")]
     Domain(#[from] DomainError),
+    /// A file of the output folder cannot be written.
+    #[error("{}: cannot be written: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: io::Error,
+    },
     /// Another deployment holds the folder for outputs.
     #[error("{out}: another deployment writes its log and its map there")]
     OutputTaken {

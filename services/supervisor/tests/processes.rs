@@ -100,7 +100,7 @@ fn left_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn options() -> Options {
-    Options { speed: 1.0, executable: std::env::current_exe().unwrap(), state: None, fresh: false }
+    Options { speed: 1.0, executable: std::env::current_exe().unwrap(), state: None, fresh: false, files: Vec::new() }
 }
 
 /// Where silence is tested, a process may be silent for this long.
