@@ -3,11 +3,11 @@
 use crate::args::RunOptions;
 use crate::exit::BadInput;
 use crate::page::Page;
-use crate::process::mapping::DOUBTFUL_POSES;
-use crate::progress::{self, Progress};
+use crate::progress::Progress;
+use crate::shortfall::Shortfall;
 use crate::{exit, output};
 use indicatif::MultiProgress;
-use messages::{DeploymentStatus, MapSummary};
+use messages::MapSummary;
 use settings::{BuiltIn, Name, Settings};
 use std::path::Path;
 use std::time::Instant;
@@ -49,7 +49,7 @@ pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
 /// Options for a run whose state is not resumed later.
 pub(crate) fn once(speed: f64) -> anyhow::Result<Options> {
     // Restarts run the same file as the supervisor, even after another one has replaced it under its name.
-    Ok(Options { speed, executable: "/proc/self/exe".into(), state: None, fresh: false })
+    Ok(Options { speed, executable: "/proc/self/exe".into(), state: None, fresh: false, files: Vec::new() })
 }
 
 /// Runs a deployment and prints its summary; the exit code. With `open` a browser shows the page.
@@ -57,18 +57,21 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     let started = Instant::now();
     let mut progress = Progress::new(bars);
     let mut page = Page::of(settings, open);
-    let mut doubtful_poses = 0;
+    let mut shortfall = Shortfall::default();
     let result = supervisor::run(settings, options, &mut |report| {
         if let Report::Status(status) = report {
-            doubtful_poses = doubtful_poses.max(count(status, DOUBTFUL_POSES));
+            shortfall.note(status);
             progress.show(status);
             page.update(status);
         }
     });
     progress.end();
     let outcome = result?;
-    print(&summary(settings, &outcome, doubtful_poses, started.elapsed().as_secs_f64()));
-    Ok(outcome.exit_code())
+    print(&summary(settings, &outcome, &shortfall, started.elapsed().as_secs_f64()));
+    Ok(match outcome.exit_code() {
+        exit::SUCCESS if shortfall.loses_data() => exit::INCOMPLETE,
+        code => code,
+    })
 }
 
 /// Prints lines about a run that has ended. The exit code does not depend on whether they could be written.
@@ -78,13 +81,7 @@ pub(crate) fn print(lines: &[String]) {
     }
 }
 
-/// The sum of the processes' counters of this name.
-fn count(status: &DeploymentStatus, name: &str) -> u64 {
-    let processes = status.processes.iter().take(status.count as usize);
-    processes.filter_map(|process| progress::counter(process, name)).sum()
-}
-
-fn summary(settings: &Settings, outcome: &Outcome, doubtful_poses: u64, wall_s: f64) -> Vec<String> {
+fn summary(settings: &Settings, outcome: &Outcome, shortfall: &Shortfall, wall_s: f64) -> Vec<String> {
     let mut lines: Vec<String> = outcome.failures().map(|(process, cause)| format!("failed     {process}: {cause}")).collect();
     if outcome.exit_code() == exit::BAD_INPUT {
         return lines;
@@ -109,10 +106,7 @@ fn summary(settings: &Settings, outcome: &Outcome, doubtful_poses: u64, wall_s: 
         None if settings.runs(BuiltIn::Mapping) => lines.push("map        not finished".to_owned()),
         None => {}
     }
-    if doubtful_poses > 0 {
-        let gaps = if doubtful_poses == 1 { "1 gap".to_owned() } else { format!("{doubtful_poses} gaps") };
-        lines.push(format!("poses      DOUBTFUL after {gaps}: the map may be shifted from there on"));
-    }
+    lines.extend(shortfall.lines());
     lines
 }
 

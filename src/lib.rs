@@ -23,6 +23,7 @@ mod progress;
 mod replay;
 mod run;
 mod running;
+mod shortfall;
 mod stack;
 mod status;
 mod terminal;

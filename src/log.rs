@@ -47,7 +47,7 @@ pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
         LogCommand::Info { log } => {
             let info = drivelog::info(log)?;
             output::write(&info.to_string())?;
-            if !info.is_whole() {
+            if !info.is_complete() {
                 return Ok(exit::INCOMPLETE);
             }
         }
@@ -64,6 +64,9 @@ fn recover(log: &Path, out: PathBuf) -> anyhow::Result<()> {
     let recovered = drivelog::recover(log, &out)?;
     for damage in &recovered.damages {
         output::line(&format!("damage    {damage}"))?;
+    }
+    for gap in recovered.gaps.lines() {
+        output::line(&format!("missing   {gap}"))?;
     }
     Ok(output::line(&format!("{}: {} messages, {} bytes", out.display(), recovered.messages, recovered.bytes))?)
 }

@@ -238,13 +238,38 @@ fn recording_resumes_in_a_new_file_once_a_full_disk_has_space() {
     // Until it tries again it receives at least its own heartbeats.
     assert!(before.rsplit(' ').next().unwrap().parse::<u64>().unwrap() > 0, "{said}");
     let ended = run.end();
-    ended.map();
+    ended.assert_code(3);
+    assert!(ended.stdout.contains("log        INCOMPLETE: ") && ended.stdout.contains(" not recorded\n"), "{}", ended.stdout);
     assert_eq!(ended.restarted(), None);
-    for file in ["drive.mcap", "drive.2.mcap"] {
-        let single = sandbox.path("single.mcap");
+    for (file, lacks) in [("drive.mcap", Some("missing   part 2 of the log")), ("drive.2.mcap", None)] {
+        let single = sandbox.path(file);
         fs::copy(kept.join(file), &single).unwrap();
         let info = sandbox.output(["log", "info", single.to_str().unwrap()]);
-        info.assert_code(0);
+        info.assert_code(if lacks.is_some() { 3 } else { 0 });
         assert!(info.stdout.contains("complete") && info.stdout.contains("robot/scan"), "{file}: {}", info.stdout);
+        assert!(lacks.is_none_or(|lacks| info.stdout.contains(lacks)), "{file}: {}", info.stdout);
+        fs::remove_file(single).unwrap();
     }
+}
+
+#[test]
+fn a_disk_that_stays_full_makes_the_run_incomplete() {
+    if !can_mount() {
+        return;
+    }
+    let sandbox = Sandbox::new();
+    let replay = DRIVE.replay(&sandbox, "replay").set("pace", "live").set("supervisor.restarts", 0);
+    let (out, kept) = (sandbox.path("replay-out"), sandbox.path("replay-out.kept"));
+    for folder in [&out, &kept] {
+        fs::create_dir(folder).unwrap();
+    }
+    let mut run = run_on_a_small_disk(&sandbox, &out, "256k", &replay, &["--speed", "10"]);
+    run.wait_for_line("the disk is full");
+    let ended = run.end();
+    ended.assert_code(3);
+    assert!(ended.stdout.contains("log        INCOMPLETE: ") && ended.stdout.contains(" not recorded\n"), "{}", ended.stdout);
+    assert!(ended.stderr.contains("the log is incomplete: ") && ended.stderr.contains(" messages were not recorded"), "{}", ended.stderr);
+    let info = sandbox.output(["log", "info", kept.join("drive.mcap").to_str().unwrap()]);
+    info.assert_code(3);
+    assert!(info.stdout.contains("robot/scan"), "{}", info.stdout);
 }

@@ -6,7 +6,7 @@ mod camera;
 pub mod fti;
 pub mod mapping;
 mod pioneer;
-mod playback;
+pub(crate) mod playback;
 pub mod sbs;
 pub(crate) mod simulator;
 pub mod std;
@@ -14,7 +14,7 @@ pub mod std;
 mod injector;
 #[cfg(test)]
 mod key_effects;
-mod recorder;
+pub(crate) mod recorder;
 pub mod robot;
 mod viewer;
 #[cfg(test)]

@@ -66,7 +66,7 @@ fn a_preamble_behind_the_messages_is_found() {
 #[test]
 fn a_file_of_another_program_is_named_and_not_called_damaged() {
     let fault = scans(&rewritten(&log(), false, WriteOptions::new())).unwrap_err();
-    assert!(matches!(&fault, Fault::Foreign { library } if library == "a tool 1.0"), "{fault}");
+    assert!(matches!(&fault, Fault::Foreign { library, .. } if library == "a tool 1.0"), "{fault}");
     assert!(!fault.to_string().contains("damaged"), "{fault}");
 }
 

@@ -2,7 +2,7 @@
 
 use ::playback::{Answers, Head, Window};
 use bus::{BusError, FrameWriter, Writer};
-use drivelog::{Entry, Image, Log, LogError, Logged};
+use drivelog::{Entry, Gaps, Image, Log, LogError, Logged};
 use messages::Pictures;
 use runtime::StepError;
 
@@ -19,6 +19,9 @@ pub(super) trait Source {
 
     /// Bytes of the log that have been read, and bytes of all its files.
     fn position(&self) -> (u64, u64);
+
+    /// What the log lacks, as far as it has been read.
+    fn gaps(&self) -> Gaps;
 }
 
 /// A reading of the log that stops at each entry of one stream.
@@ -71,6 +74,10 @@ impl<T: Logged> Source for Messages<T> {
     fn position(&self) -> (u64, u64) {
         self.cursor.log.position()
     }
+
+    fn gaps(&self) -> Gaps {
+        self.cursor.log.gaps()
+    }
 }
 
 /// Pictures of a service.
@@ -97,6 +104,10 @@ impl<P: Pictures> Source for Images<P> {
 
     fn position(&self) -> (u64, u64) {
         self.cursor.log.position()
+    }
+
+    fn gaps(&self) -> Gaps {
+        self.cursor.log.gaps()
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use ::playback::{Answers, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
 use anyhow::Result;
 use bus::{Reader, Received};
-use drivelog::{Log, LogVisitor, Logged, visit_logged};
+use drivelog::{Gaps, Log, LogVisitor, Logged, visit_logged};
 use lane::{Cursor, Images, Lane, Messages, Source};
 use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
@@ -19,6 +19,12 @@ const MOST_AT_ONCE: usize = 1024;
 const LONG_WAIT: Duration = Duration::from_secs(10);
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+/// Counter of parts that the log lacks.
+pub(crate) const PARTS_MISSING: &str = "log parts missing";
+/// Counter of scans that the log lacks.
+pub(crate) const SCANS_MISSING: &str = "scans missing";
+/// Counter of pictures that the log lacks.
+pub(crate) const FRAMES_MISSING: &str = "frames missing";
 
 /// Plays the log of the settings to its end.
 ///
@@ -49,6 +55,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         first_ns: None,
         held: None,
         waits_for: None,
+        gaps: None,
     };
     Ok(shell.run(&mut playback)?)
 }
@@ -163,6 +170,8 @@ struct Playback {
     held: Option<(Instant, u64)>,
     /// Who has kept it from sending for long, in words.
     waits_for: Option<String>,
+    /// What the log lacks, once it has been read to its end.
+    gaps: Option<Gaps>,
 }
 
 impl runtime::Process for Playback {
@@ -175,6 +184,7 @@ impl runtime::Process for Playback {
         }
         let next = self.play(context)?;
         self.watch();
+        self.look_for_gaps();
         self.report(context);
         Ok(next)
     }
@@ -277,7 +287,24 @@ impl Playback {
         }
     }
 
+    /// Names what the log lacks, at its end.
+    fn look_for_gaps(&mut self) {
+        let of_scans = |lane: &&Lane| lane.service == SonarScan::SERVICE.name && lane.ended;
+        let Some(scans) = self.lanes.iter().find(of_scans).filter(|_| self.gaps.is_none()) else { return };
+        let gaps = scans.source.gaps();
+        for gap in gaps.lines() {
+            tracing::warn!("missing in the log: {gap}");
+        }
+        self.gaps = Some(gaps);
+    }
+
     fn report(&self, context: &mut Context<'_>) {
+        if let Some(gaps) = &self.gaps {
+            let missing = |service: &str| gaps.messages.get(service).map_or(0, |missing| missing.messages);
+            context.count(PARTS_MISSING, gaps.missing_parts());
+            context.count(SCANS_MISSING, missing(SonarScan::SERVICE.name));
+            context.count(FRAMES_MISSING, missing(CameraFrame::SERVICE.name));
+        }
         let last_ns = self.lanes.iter().map(|lane| lane.last.1).max().unwrap_or_default();
         let played_s = last_ns.saturating_sub(self.first_ns.unwrap_or(last_ns)) as f64 * 1e-9;
         let positions = self.lanes.iter().filter(|lane| !lane.ended).map(|lane| lane.source.position());

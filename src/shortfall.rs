@@ -1,0 +1,82 @@
+//! What the result of a run lacks, by the counters of its processes.
+
+use crate::process::mapping::DOUBTFUL_POSES;
+use crate::process::playback::{FRAMES_MISSING, PARTS_MISSING, SCANS_MISSING};
+use crate::process::recorder::{NOT_RECORDED, PARTS_LOST};
+use crate::progress;
+use messages::DeploymentStatus;
+
+/// The largest count of each shortfall: a process that starts again counts anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Shortfall {
+    doubtful_poses: u64,
+    not_recorded: u64,
+    parts_lost: u64,
+    parts_missing: u64,
+    scans_missing: u64,
+    frames_missing: u64,
+}
+
+impl Shortfall {
+    /// Takes note of the counters in a status.
+    pub(crate) fn note(&mut self, status: &DeploymentStatus) {
+        let counts = [
+            (&mut self.doubtful_poses, DOUBTFUL_POSES),
+            (&mut self.not_recorded, NOT_RECORDED),
+            (&mut self.parts_lost, PARTS_LOST),
+            (&mut self.parts_missing, PARTS_MISSING),
+            (&mut self.scans_missing, SCANS_MISSING),
+            (&mut self.frames_missing, FRAMES_MISSING),
+        ];
+        for (most, name) in counts {
+            let count: u64 = status.processes().iter().filter_map(|process| progress::counter(process, name)).sum();
+            *most = count.max(*most);
+        }
+    }
+
+    /// Whether recorded data were lost, in this run or in the one that it replays.
+    pub(crate) fn loses_data(&self) -> bool {
+        [self.not_recorded, self.parts_lost, self.parts_missing].iter().any(|count| *count > 0)
+    }
+
+    /// Lines for the summary of the run.
+    pub(crate) fn lines(&self) -> Vec<String> {
+        let counted = |count: u64, word: &str, rest: &str| {
+            let words = if count == 1 { format!("1 {word}") } else { format!("{count} {word}s") };
+            (count > 0).then(|| format!("{words}{rest}"))
+        };
+        let listed = |counts: &[Option<String>]| Some(counts.iter().flatten().cloned().collect::<Vec<_>>().join(", "));
+        let line =
+            |counts: &[Option<String>], start: &str| listed(counts).filter(|list| !list.is_empty()).map(|list| format!("{start}{list}"));
+        let recorded = [counted(self.not_recorded, "message", " not recorded"), counted(self.parts_lost, "part", " removed or truncated")];
+        let replayed =
+            [counted(self.parts_missing, "part", ""), counted(self.scans_missing, "scan", ""), counted(self.frames_missing, "frame", "")];
+        let doubtful = counted(self.doubtful_poses, "gap", ": the map may be shifted from there on");
+        [
+            line(&recorded, "log        INCOMPLETE: "),
+            line(&replayed, "replay     INCOMPLETE, the log lacks "),
+            line(&[doubtful], "poses      DOUBTFUL after "),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_summary_has_a_line_for_each_kind_of_shortfall() {
+        assert_eq!(Shortfall::default().lines(), [""; 0]);
+        let recorded = Shortfall { not_recorded: 1, parts_lost: 2, ..Shortfall::default() };
+        assert_eq!(recorded.lines(), ["log        INCOMPLETE: 1 message not recorded, 2 parts removed or truncated"]);
+        assert!(recorded.loses_data());
+        let replayed = Shortfall { scans_missing: 80, doubtful_poses: 1, ..Shortfall::default() };
+        let lines =
+            ["replay     INCOMPLETE, the log lacks 80 scans", "poses      DOUBTFUL after 1 gap: the map may be shifted from there on"];
+        assert_eq!(replayed.lines(), lines);
+        assert!(!replayed.loses_data(), "faults on purpose drop scans, too");
+    }
+}
