@@ -3,8 +3,9 @@
 use crate::exit::BadInput;
 use crate::output;
 use clap::Args;
+use pioneer::{Address, Opening};
 use rustix::fs::OFlags;
-use settings::{BuiltIn, Port, Program, Settings};
+use settings::{BuiltIn, NetworkPort, Port, Program, Settings};
 use std::fs::OpenOptions;
 use std::io;
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
@@ -90,13 +91,22 @@ fn missing_programs(settings: &Settings) -> Vec<String> {
 /// The devices that cannot be opened, with the reasons.
 fn missing_devices(settings: &Settings) -> Vec<String> {
     let mut missing = Vec::new();
-    if let (true, Port::Device(port)) = (settings.runs(BuiltIn::Pioneer), &settings.pioneer.port) {
-        missing.extend(device_trouble("pioneer.port", port, "is the robot's cable plugged in?"));
+    match &settings.pioneer.port {
+        _ if !settings.runs(BuiltIn::Pioneer) => {}
+        Port::Simulator => {}
+        Port::Device(port) => missing.extend(device_trouble("pioneer.port", port, "is the robot's cable plugged in?")),
+        Port::Network(port) => missing.extend(network_trouble("pioneer.port", port)),
     }
     if settings.runs(BuiltIn::Camera) {
         missing.extend(device_trouble("camera.device", &settings.camera.device, "is the camera plugged in?"));
     }
     missing
+}
+
+/// Why nothing accepts connections there.
+fn network_trouble(key: &str, NetworkPort { host, port }: &NetworkPort) -> Option<String> {
+    let address = Address::Network { host: host.clone(), port: *port };
+    Opening::start(&address, 0).wait().err().map(|error| format!("{key} {error}"))
 }
 
 fn device_trouble(key: &str, device: &Path, question: &str) -> Option<String> {

@@ -5,7 +5,7 @@
 mod camera;
 pub mod fti;
 pub mod mapping;
-mod pioneer;
+pub(crate) mod pioneer;
 pub(crate) mod playback;
 pub mod sbs;
 pub(crate) mod simulator;

@@ -1,23 +1,26 @@
 //! The driver as a process: a session between a serial port and the bus.
 
 use std::os::fd::BorrowedFd;
-use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::robot;
 use super::simulator::PORT_NAME;
-use ::pioneer::{Checkpoint, Command, Factors, Input, Output, Parameters, Port, Session, words};
+use ::pioneer::{Address, Checkpoint, Factors, Input, Opening, Output, Parameters, Port, Session, Share, Shared};
 use anyhow::Result;
 use bus::Writer;
 use messages::SonarScan;
 use runtime::{Context, Next, Shell, StepError};
-use settings::{BuiltIn, Port as PortSetting, Settings};
+use rustix::time::{ClockId, clock_gettime};
+use settings::{BuiltIn, NetworkPort, Port as PortSetting, Settings};
 
 /// Most bytes taken from the line in one step: a line that never falls silent must not keep the heartbeat from beating.
 const MOST_AT_ONCE: usize = 8192;
 
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
+
+/// Time between the starts of two attempts to connect in the network, by the wall clock: a host that refuses does so at once.
+const RECONNECT: Duration = Duration::from_secs(1);
 
 /// Runs the driver until it is told to stop.
 ///
@@ -26,9 +29,9 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let membership = shell.membership();
     let speed = membership.speed();
-    let path = match &settings.pioneer.port {
-        PortSetting::Simulator => membership.directory().join(PORT_NAME),
-        PortSetting::Device(path) => path.clone(),
+    let address = match address(&settings.pioneer.port) {
+        Some(address) => address,
+        None => Address::Device(membership.directory().join(PORT_NAME)),
     };
     let checkpoint = shell.checkpoint();
     let kept = checkpoint.restore(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
@@ -39,8 +42,46 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     }
     let session = Session::new(parameters(&settings.robot, &settings.pioneer).at_speed(speed), kept);
     let simulated = settings.pioneer.port == PortSetting::Simulator;
-    let mut process = Process { path, simulated, port: None, trouble: None, session, stamp_ns: 0, scans, checkpoint, speed };
+    let mut process = Process {
+        address,
+        simulated,
+        port: None,
+        opening: None,
+        opened: None,
+        trouble: None,
+        session,
+        share: share(&settings.pioneer),
+        stamp_ns: 0,
+        scans,
+        checkpoint,
+        speed,
+        suspended: Suspended::new(),
+    };
     Ok(shell.run(&mut process)?)
+}
+
+/// The port of the settings as the driver names it; `None` for that of the deployment's simulator.
+pub(crate) fn address(port: &PortSetting) -> Option<Address> {
+    match port {
+        PortSetting::Simulator => None,
+        PortSetting::Device(path) => Some(Address::Device(path.clone())),
+        PortSetting::Network(NetworkPort { host, port }) => Some(Address::Network { host: host.clone(), port: *port }),
+    }
+}
+
+/// The shared ports of the settings. Without them the drive is mapped all the same.
+fn share(pioneer: &settings::Pioneer) -> Share {
+    let port = pioneer.share_tcp.and_then(|port| u16::try_from(port.get()).ok());
+    match Share::open(pioneer.share.clone(), port) {
+        Ok(share) => {
+            share.names().for_each(|name| tracing::info!("the robot is shared on {name}"));
+            share
+        }
+        Err(error) => {
+            tracing::warn!("the robot is not shared: {error}");
+            Share::default()
+        }
+    }
 }
 
 /// The driver's parameters in a deployment that runs as fast as the wall clock.
@@ -55,7 +96,10 @@ fn parameters(robot: &settings::Robot, pioneer: &settings::Pioneer) -> Parameter
         ring: if robot.sonar.is_empty() { None } else { Some(robot::sonars(robot)) },
         range_limit_m: robot.range_limit_m.get(),
         odometry_modulus: robot.odometry_modulus.get(),
-        bauds: pioneer.bauds.iter().map(|baud| baud.get()).collect(),
+        bauds: match &pioneer.port {
+            PortSetting::Network(_) => Vec::new(),
+            PortSetting::Simulator | PortSetting::Device(_) => pioneer.bauds.iter().map(|baud| baud.get()).collect(),
+        },
         pulse_ns: nanoseconds(pioneer.pulse_s.get()),
         link_lost_ns: nanoseconds(pioneer.link_lost_s.get()),
         speed_limit_m_s: pioneer.speed_limit_m_s.get(),
@@ -69,43 +113,95 @@ fn nanoseconds(seconds: f64) -> u64 {
 }
 
 struct Process {
-    path: PathBuf,
+    address: Address,
     /// The port is the simulator's, which comes and goes with it: nothing to warn of.
     simulated: bool,
     port: Option<Port>,
+    /// A port that is being opened.
+    opening: Option<Opening>,
+    /// When that was last begun.
+    opened: Option<Instant>,
     /// Why there is no port, as it was last said.
     trouble: Option<String>,
     session: Session,
+    share: Share,
     /// Stamp of the last scan.
     stamp_ns: u64,
     scans: Writer<SonarScan>,
     checkpoint: runtime::Checkpoint,
     speed: f64,
+    suspended: Suspended,
+}
+
+/// Time that the computer was suspended, in which the monotonic clock and with it the deployment's stands still.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Suspended {
+    /// How far the clock that counts suspensions is ahead of the one that does not, ns.
+    ahead_ns: u64,
+}
+
+/// The two clocks are read one after the other: what they differ by less is the time in between, ns.
+const CLOCKS_APART_NS: u64 = 100_000_000;
+
+impl Suspended {
+    fn new() -> Self {
+        Self { ahead_ns: ahead_ns() }
+    }
+
+    /// The time of a suspension since the last call, if there was one, ns.
+    fn since(&mut self, ahead_ns: u64) -> Option<u64> {
+        let suspended_ns = ahead_ns.saturating_sub(self.ahead_ns);
+        (suspended_ns >= CLOCKS_APART_NS).then(|| {
+            self.ahead_ns = ahead_ns;
+            suspended_ns
+        })
+    }
+}
+
+fn ahead_ns() -> u64 {
+    let ns = |clock| {
+        let time = clock_gettime(clock);
+        time.tv_sec.unsigned_abs() * 1_000_000_000 + time.tv_nsec.unsigned_abs()
+    };
+    let monotonic_ns = ns(ClockId::Monotonic);
+    ns(ClockId::Boottime).saturating_sub(monotonic_ns)
 }
 
 impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
+        if let Some(time_ns) = self.suspended.since(ahead_ns()) {
+            tracing::info!("the computer was suspended for {:.1} s", time_ns as f64 * 1e-9);
+            self.session.add_unseen(time_ns);
+        }
         let more = self.read(context)?;
+        self.serve_clients(context)?;
         if context.stopping() {
-            self.feed(Input::Stop, context.now_ns())?;
+            let now_ns = self.now_ns(context)?;
+            self.feed(Input::Stop, now_ns)?;
             self.scans.end(self.session.seq(), self.stamp_ns)?;
             self.report(context);
             return Ok(Next::Finished);
         }
+        let now_ns = self.now_ns(context)?;
         if self.port.is_none() {
-            self.open(context.now_ns())?;
+            self.open(now_ns)?;
         }
-        self.feed(Input::Tick, context.now_ns())?;
+        self.feed(Input::Tick, now_ns)?;
         self.report(context);
-        Ok(if more { Next::Again } else { self.wait(context.now_ns()) })
+        Ok(if more { Next::Again } else { self.wait(now_ns) })
     }
 
     fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
-        self.port.iter().map(Port::descriptor).collect()
+        self.port.iter().map(Port::descriptor).chain(self.share.descriptors()).collect()
     }
 }
 
 impl Process {
+    /// Now: the deployment's clock, or time in the world of a simulated robot.
+    fn now_ns(&mut self, context: &Context<'_>) -> Result<u64, StepError> {
+        Ok(context.now_ns())
+    }
+
     /// Takes what has come over the line, at once: how many packets waited together tells when they came. Returns whether there
     /// may be more.
     fn read(&mut self, context: &Context<'_>) -> Result<bool, StepError> {
@@ -119,35 +215,64 @@ impl Process {
                 Err(error) => break Some(error),
             }
         };
+        // After the bytes: the world's time that a simulated robot's packet was sent at is there before the packet.
+        let now_ns = self.now_ns(context)?;
         if count > 0 {
-            self.feed(Input::Bytes(&bytes[..count]), context.now_ns())?;
+            if self.session.is_shared() {
+                self.share.write(&bytes[..count]);
+            }
+            self.feed(Input::Bytes(&bytes[..count]), now_ns)?;
         }
         match end {
-            Some(error) => self.vanish(&error.to_string(), context.now_ns())?,
+            Some(error) => self.vanish(&error.to_string(), now_ns)?,
             None if count == MOST_AT_ONCE => return Ok(true),
             None => {}
         }
         Ok(false)
     }
 
+    /// Takes what programs on the shared ports have sent.
+    fn serve_clients(&mut self, context: &Context<'_>) -> Result<(), StepError> {
+        let now_ns = self.now_ns(context)?;
+        for shared in self.share.read(Instant::now()) {
+            match shared {
+                Shared::Command(data) => self.feed(Input::Client(&data), now_ns)?,
+                Shared::Left => self.feed(Input::ClientLeft, now_ns)?,
+                Shared::Remark(remark) => tracing::warn!("{remark}"),
+            }
+        }
+        Ok(())
+    }
+
     /// Tries to open the port. Without one the loop comes by a few times a second.
     fn open(&mut self, now_ns: u64) -> Result<(), StepError> {
-        match Port::open(&self.path, self.session.baud()) {
+        if self.opening.is_none() {
+            let pause = if self.address.has_speed() { Duration::ZERO } else { RECONNECT };
+            if self.opened.is_some_and(|opened| opened.elapsed() < pause) {
+                return Ok(());
+            }
+            self.opened = Some(Instant::now());
+        }
+        let opening = self.opening.get_or_insert_with(|| Opening::start(&self.address, self.session.baud()));
+        let Some(made) = opening.poll() else { return Ok(()) };
+        self.opening = None;
+        match made {
             Ok(port) => {
-                tracing::info!("opened {} at {} baud", self.path.display(), self.session.baud());
+                let (address, baud) = (&self.address, self.session.baud());
+                let speed = if baud == 0 { String::new() } else { format!(" at {baud} baud") };
+                tracing::info!("opened {address}{speed}");
                 self.port = Some(port);
                 self.trouble = None;
                 self.feed(Input::Opened, now_ns)
             }
             Err(error) => {
-                self.say_trouble(&error);
+                self.report_trouble(error.to_string());
                 Ok(())
             }
         }
     }
 
-    fn say_trouble(&mut self, error: &serialport::Error) {
-        let trouble = format!("{}: {}", self.path.display(), words(error));
+    fn report_trouble(&mut self, trouble: String) {
         if self.trouble.as_ref() != Some(&trouble) {
             match self.simulated {
                 true => tracing::debug!("{trouble}; still trying"),
@@ -159,8 +284,8 @@ impl Process {
 
     fn vanish(&mut self, why: &str, now_ns: u64) -> Result<(), StepError> {
         match self.simulated {
-            true => tracing::debug!("{} is gone ({why}); waiting for it", self.path.display()),
-            false => tracing::warn!("{} is gone ({why}); waiting for it", self.path.display()),
+            true => tracing::debug!("{} is gone ({why}); waiting for it", self.address),
+            false => tracing::warn!("{} is gone ({why}); waiting for it", self.address),
         }
         self.port = None;
         self.feed(Input::Vanished, now_ns)
@@ -171,7 +296,8 @@ impl Process {
         let mut gone = None;
         for output in self.session.step(input, now_ns) {
             match output {
-                Output::Send(command) => gone = gone.or(self.send(command)),
+                Output::Send(command) => gone = gone.or(self.send(&command.packet())),
+                Output::Forward(packet) => gone = gone.or(self.send(&packet)),
                 Output::Baud(baud) => self.tolerate("set the baud rate of", |port| port.set_baud(baud)),
                 Output::Flush => self.tolerate("flush", |port| port.flush()),
                 Output::Reopen => self.port = None,
@@ -187,11 +313,11 @@ impl Process {
     }
 
     /// Returns why the port is gone, if it is.
-    fn send(&mut self, command: Command) -> Option<String> {
-        match self.port.as_mut()?.send(&command.packet()) {
+    fn send(&mut self, packet: &[u8]) -> Option<String> {
+        match self.port.as_mut()?.send(packet) {
             Ok(true) => None,
             Ok(false) => {
-                tracing::debug!("{command:?} is lost: the line takes no bytes");
+                tracing::debug!("{packet:02x?} is lost: the line takes no bytes");
                 None
             }
             Err(error) => Some(error.to_string()),
@@ -201,7 +327,7 @@ impl Process {
     /// A device that refuses a setting may still carry bytes; if not, the time limits find out.
     fn tolerate(&mut self, what: &str, setting: impl FnOnce(&mut Port) -> serialport::Result<()>) {
         if let Some(Err(error)) = self.port.as_mut().map(setting) {
-            tracing::warn!("cannot {what} {}: {error}", self.path.display());
+            tracing::warn!("cannot {what} {}: {error}", self.address);
         }
     }
 
@@ -222,9 +348,10 @@ impl Process {
     fn report(&self, context: &mut Context<'_>) {
         match &self.trouble {
             Some(trouble) => context.note(trouble),
-            None => context.note(&self.session.note(&self.path.display().to_string())),
+            None => context.note(&self.session.note(&self.address.to_string())),
         }
         let (link, refusals, rhythm) = (self.session.link(), self.session.refusals(), self.session.rhythm());
+        let (forwarded, not_forwarded) = self.session.client_commands();
         for (name, value) in [
             ("packets", link.packets),
             ("bad checksums", link.bad_checksums),
@@ -237,6 +364,8 @@ impl Process {
             ("lost packets", self.session.lost_packets()),
             ("doubtful gaps", self.session.doubtful_poses()),
             ("reconnects", self.session.reconnects()),
+            ("forwarded commands", forwarded),
+            ("refused commands", not_forwarded),
             ("packet interval us", (rhythm.interval_s * 1e6) as u64),
             ("packet jitter us", (rhythm.jitter_s * 1e6) as u64),
         ] {
@@ -248,6 +377,16 @@ impl Process {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_suspension_counts_once() {
+        const S: u64 = 1_000_000_000;
+        let mut suspended = Suspended { ahead_ns: 5 * S };
+        assert_eq!(suspended.since(5 * S + 999), None, "the time between two readings");
+        assert_eq!(suspended.since(12 * S), Some(7 * S));
+        assert_eq!(suspended.since(12 * S), None);
+        assert_eq!(suspended.since(4 * S), None);
+    }
 
     #[test]
     fn default_settings_are_the_drivers_default_parameters() {

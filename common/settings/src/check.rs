@@ -113,14 +113,16 @@ impl Settings {
             .filter(|index| self.process[*index].runs(BuiltIn::Pioneer) || self.process[*index].runs(BuiltIn::Playback))
             .collect();
         match sources.as_slice() {
-            [] if !foreign => return Err(Fault::new("process", "a source of scans: run = \"pioneer\" or \"playback\", or a command")),
+            [] if !foreign && !self.serves_others() => {
+                return Err(Fault::new("process", "a source of scans: run = \"pioneer\" or \"playback\", or a command"));
+            }
             [_, second, ..] => {
                 return Err(Fault::new(format!("process[{second}].run"), "one source of scans, either \"pioneer\" or \"playback\""));
             }
             _ => {}
         }
         if self.runs(BuiltIn::Pioneer) && self.pioneer.port == Port::Simulator && !self.runs(BuiltIn::Simulator) {
-            return Err(Fault::new("pioneer.port", "the path of a serial device, or else a process with run = \"simulator\""));
+            return Err(Fault::new("pioneer.port", "a serial device or tcp://HOST:PORT, or else a process with run = \"simulator\""));
         }
         let live = [BuiltIn::Pioneer, BuiltIn::Simulator, BuiltIn::Camera];
         if self.pace == Pace::Lockstep && live.into_iter().any(|kind| self.runs(kind)) {
@@ -130,6 +132,12 @@ impl Settings {
             return Err(Fault::new("process", "one world, either that of \"simulator\" or that of \"playback\""));
         }
         Ok(())
+    }
+
+    /// Whether the simulated robot is there for programs that are not part of the deployment, and nothing here needs scans.
+    fn serves_others(&self) -> bool {
+        let needs_scans = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().any(|kind| self.runs(kind));
+        self.runs(BuiltIn::Simulator) && self.simulator.link.is_some() && !needs_scans
     }
 
     /// Pictures have one source, and SBS has pictures.

@@ -3,7 +3,7 @@
 use document::Fault;
 use toml::{Table, Value};
 
-use crate::{BuiltIn, FtiMethod, MovingCell, Pace, Provides, Settings};
+use crate::{BuiltIn, FtiMethod, MovingCell, Pace, Port, Provides, Settings};
 
 /// A key or section, when it is read, and what the file should say otherwise.
 struct Rule {
@@ -42,6 +42,11 @@ const RULES: &[Rule] = &[
     rule("camera.white_balance_k", |s| s.runs(BuiltIn::Camera), NO_CAMERA),
     rule("camera.control", |s| s.runs(BuiltIn::Camera), NO_CAMERA),
     rule("pioneer", |s| s.runs(BuiltIn::Pioneer), "no [pioneer], or else a process with run = \"pioneer\""),
+    rule(
+        "pioneer.bauds",
+        |s| !matches!(s.pioneer.port, Port::Network(_)),
+        "no such key, or else a serial device as pioneer.port: a network port has no speed",
+    ),
     rule("simulator", |s| s.runs(BuiltIn::Simulator), "no [simulator], or else a process with run = \"simulator\""),
     rule(
         "simulator.camera.motion",

@@ -90,15 +90,17 @@ impl Settings {
     fn paths(&self) -> impl Iterator<Item = (&'static str, &Path)> {
         let port = match &self.pioneer.port {
             Port::Device(device) => Some(("pioneer.port", device.as_path())),
-            Port::Simulator => None,
+            Port::Simulator | Port::Network(_) => None,
         };
+        let link = self.simulator.link.as_deref().map(|link| ("simulator.link", link));
+        let share = self.pioneer.share.as_deref().map(|share| ("pioneer.share", share));
         let files = [
             ("out", self.out.as_path()),
             ("simulator.world", &self.simulator.world),
             ("playback.log", &self.playback.log),
             ("camera.device", &self.camera.device),
         ];
-        files.into_iter().chain(port)
+        files.into_iter().chain(port).chain(link).chain(share)
     }
 
     fn resolve(&mut self, folder: &Path) {
@@ -110,6 +112,7 @@ impl Settings {
         if let Port::Device(device) = &mut self.pioneer.port {
             join(device);
         }
+        self.simulator.link.iter_mut().chain(&mut self.pioneer.share).for_each(join);
         for process in &mut self.process {
             // A bare word is looked up in PATH.
             if let Program::Command(command) = &mut process.program

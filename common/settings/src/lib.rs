@@ -64,7 +64,7 @@ pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,
     NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
 };
-pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SpeedLimit, TurnLimit};
+pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SharePort, SpeedLimit, TurnLimit};
 pub use playback::{Playback, Window};
 pub use programs::{BuiltIn, Process, Program, Published};
 pub use recorder::{FlushInterval, Recorder};
@@ -77,5 +77,5 @@ pub use supervisor::{
     FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
 };
 pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
-pub use text::{BadText, FileName, Name, Port};
+pub use text::{BadText, FileName, Name, NetworkPort, Port};
 pub use viewer::{Address, FoxglovePort, PagePort, Token, Viewer};

@@ -17,6 +17,8 @@ bounded! {
     SpeedLimit: f64 in 0.1..=5.0, "m/s", default 1.0;
     /// Greatest turn rate that odometry is believed.
     TurnLimit: f64 in 0.1..=20.0, "rad/s", default 3.0;
+    /// A TCP port that needs no privilege.
+    SharePort: u32 in 1024..=65535, "";
 }
 
 one_of! {
@@ -28,7 +30,8 @@ one_of! {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Pioneer {
-    /// Serial device of the robot, relative to the settings file, or `"simulator"` for the simulator of this deployment.
+    /// Serial device of the robot, relative to the settings file, `"simulator"` for the simulator of this deployment, or the TCP port
+    /// of a robot simulator or serial bridge, by default 8101.
     pub port: Port,
     /// Baud rates that are tried, in this order.
     #[schemars(length(min = 1, max = 5))]
@@ -41,6 +44,13 @@ pub struct Pioneer {
     pub speed_limit_m_s: SpeedLimit,
     /// Highest plausible turn rate. Odometry with a higher turn rate is rejected.
     pub turn_limit_rad_s: TurnLimit,
+    /// Link to a pseudo-terminal on which another program uses the robot, relative to the settings file.
+    #[serde(deserialize_with = "crate::text::optional_path", skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-form" = "path"))]
+    pub share: Option<PathBuf>,
+    /// TCP port of the loopback interface on which another program uses the robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share_tcp: Option<SharePort>,
 }
 
 impl Default for Pioneer {
@@ -52,6 +62,8 @@ impl Default for Pioneer {
             link_lost_s: LinkTimeout::default(),
             speed_limit_m_s: SpeedLimit::default(),
             turn_limit_rad_s: TurnLimit::default(),
+            share: None,
+            share_tcp: None,
         }
     }
 }

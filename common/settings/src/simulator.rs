@@ -34,6 +34,10 @@ pub struct Simulator {
     pub world: PathBuf,
     /// Seed of all random numbers. The same seed gives the same drive.
     pub seed: Seed,
+    /// Link to the serial port of the simulated robot for programs outside of the deployment, relative to the settings file.
+    #[serde(deserialize_with = "crate::text::optional_path", skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-form" = "path"))]
+    pub link: Option<PathBuf>,
     /// `[simulator.camera]`: the simulated camera.
     pub camera: SimulatedCamera,
 }
@@ -85,7 +89,7 @@ pub struct SimulatedMotion {
 
 impl Default for Simulator {
     fn default() -> Self {
-        Self { world: PathBuf::from("worlds/corridor.toml"), seed: Seed::default(), camera: SimulatedCamera::default() }
+        Self { world: PathBuf::from("worlds/corridor.toml"), seed: Seed::default(), link: None, camera: SimulatedCamera::default() }
     }
 }
 

@@ -34,7 +34,24 @@ pub enum Port {
     Simulator,
     /// A serial device.
     Device(PathBuf),
+    /// A robot simulator or a serial bridge in the network.
+    Network(NetworkPort),
 }
+
+/// A TCP port of a host: `tcp://HOST:PORT`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NetworkPort {
+    /// Its name or address; an IPv6 address without brackets.
+    pub host: String,
+    /// The port.
+    pub port: u16,
+}
+
+/// What a [`Port::Network`] starts with.
+const TCP: &str = "tcp://";
+
+/// The port on which robot simulators and robots' own network bridges listen, unless another is named.
+const DEFAULT_TCP_PORT: u16 = 8101;
 
 /// The word that stands for [`Port::Simulator`].
 const SIMULATOR: &str = "simulator";
@@ -95,15 +112,42 @@ impl TryFrom<PathBuf> for Port {
     type Error = BadText;
 
     fn try_from(path: PathBuf) -> Result<Self, BadText> {
+        let network = path.to_str().and_then(|text| text.strip_prefix(TCP));
         if path.as_os_str() == SIMULATOR {
             Ok(Self::Simulator)
+        } else if let Some(address) = network {
+            NetworkPort::parse(address).map(Self::Network).ok_or(BadText { expected: "tcp://HOST:PORT, an IPv6 address in [ ]" })
         } else if begins_with_tilde(&path) {
             Err(BadText { expected: NO_TILDE })
         } else if names_a_place(&path) {
             Ok(Self::Device(path))
         } else {
-            Err(BadText { expected: "\"simulator\" or the path of a serial device" })
+            Err(BadText { expected: "\"simulator\", the path of a serial device, or tcp://HOST:PORT" })
         }
+    }
+}
+
+impl NetworkPort {
+    /// Reads `HOST`, `HOST:PORT`, `[IPV6]` or `[IPV6]:PORT`.
+    fn parse(text: &str) -> Option<Self> {
+        let (host, port) = match text.strip_prefix('[') {
+            Some(rest) => {
+                let (host, port) = rest.split_once(']')?;
+                host.parse::<std::net::Ipv6Addr>().ok()?;
+                (host, if port.is_empty() { None } else { Some(port.strip_prefix(':')?) })
+            }
+            None => text.split_once(':').map_or((text, None), |(host, port)| (host, Some(port))),
+        };
+        let is_host = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:".contains(&byte);
+        let port = port.map_or(Some(DEFAULT_TCP_PORT), |port| port.parse().ok().filter(|&port| port > 0))?;
+        (!host.is_empty() && host.len() <= 253 && host.bytes().all(is_host)).then(|| Self { host: host.to_owned(), port })
+    }
+}
+
+impl fmt::Display for NetworkPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { host, port } = self;
+        if host.contains(':') { write!(f, "{TCP}[{host}]:{port}") } else { write!(f, "{TCP}{host}:{port}") }
     }
 }
 
@@ -114,6 +158,11 @@ pub(crate) fn path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<PathBuf
         return Err(D::Error::custom(BadText { expected: NO_TILDE }));
     }
     if names_a_place(&path) { Ok(path) } else { Err(D::Error::custom(BadText { expected: "a path" })) }
+}
+
+/// As [`path`], for a key that may be left out.
+pub(crate) fn optional_path<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PathBuf>, D::Error> {
+    path(deserializer).map(Some)
 }
 
 /// What is expected in place of `~`, which shells expand and a settings file does not: a folder of this name would appear instead.
@@ -133,6 +182,7 @@ impl From<Port> for PathBuf {
         match port {
             Port::Simulator => Self::from(SIMULATOR),
             Port::Device(path) => path,
+            Port::Network(network) => Self::from(network.to_string()),
         }
     }
 }
@@ -199,6 +249,35 @@ impl JsonSchema for Port {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "minLength": 1, "x-form": "path of a device, or `\"simulator\"`" })
+        json_schema!({ "type": "string", "minLength": 1, "x-form": "path of a device, `\"simulator\"`, or `\"tcp://HOST:PORT\"`" })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, expect: Option<&str>) {
+        let read = Port::try_from(PathBuf::from(text)).ok().map(|port| PathBuf::from(port).display().to_string());
+        assert_eq!(read.as_deref(), expect, "{text}");
+    }
+
+    #[test]
+    fn network_ports_are_read_with_and_without_a_port() {
+        check("tcp://robot.local:8101", Some("tcp://robot.local:8101"));
+        check("tcp://10.0.126.32", Some("tcp://10.0.126.32:8101"));
+        check("tcp://[::1]:7000", Some("tcp://[::1]:7000"));
+        check("tcp://[fe80::1]", Some("tcp://[fe80::1]:8101"));
+    }
+
+    #[test]
+    fn what_is_no_network_port_is_refused() {
+        for text in ["tcp://", "tcp://:8101", "tcp://::1:8101", "tcp://a:b", "tcp://a:0", "tcp://a:65536", "tcp://[::1", "tcp://[a]:1"] {
+            check(text, None);
+        }
+        for text in ["tcp://a b:1", "tcp://a/b:1", "tcp://user@host:1", "tcp://a:1:2"] {
+            check(text, None);
+        }
     }
 }

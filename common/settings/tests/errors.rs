@@ -87,7 +87,14 @@ fn texts_of_another_form() {
         "[recorder]\nfile = \"..\"",
         "demo.toml:9: recorder.file = \"..\": expected the name of a file, without a folder, at most 200 bytes",
     );
-    check("[pioneer]\nport = \"\"", "demo.toml:9: pioneer.port = \"\": expected \"simulator\" or the path of a serial device");
+    check(
+        "[pioneer]\nport = \"\"",
+        "demo.toml:9: pioneer.port = \"\": expected \"simulator\", the path of a serial device, or tcp://HOST:PORT",
+    );
+    check(
+        "[pioneer]\nport = \"tcp://robot:0\"",
+        "demo.toml:9: pioneer.port = \"tcp://robot:0\": expected tcp://HOST:PORT, an IPv6 address in [ ]",
+    );
     check("[simulator]\nworld = \"\"", "demo.toml:9: simulator.world = \"\": expected a path");
     check("[playback]\nlog = \"a\\u0000b\"", "demo.toml:9: playback.log = \"a\\u0000b\": expected a path");
 }
@@ -160,7 +167,7 @@ fn sections_that_do_not_go_together() {
     );
     check(
         "[pioneer]\nport = \"simulator\"",
-        "demo.toml:9: pioneer.port = \"simulator\": expected the path of a serial device, or else a process with run = \"simulator\"",
+        "demo.toml:9: pioneer.port = \"simulator\": expected a serial device or tcp://HOST:PORT, or else a process with run = \"simulator\"",
     );
     check("[pioneer]\nbauds = []", "demo.toml:9: pioneer.bauds = []: expected at least one speed, and each once");
     check("[pioneer]\nbauds = [9600, 9600]", "demo.toml:9: pioneer.bauds = [9600, 9600]: expected at least one speed, and each once");

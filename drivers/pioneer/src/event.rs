@@ -70,6 +70,17 @@ pub enum Event {
     },
     /// The robot answers like one that has been switched off and on.
     RobotRestarted,
+    /// Another program closes the robot on the shared port, to connect to it anew or to leave.
+    ClientConnects,
+    /// The other program has left an open robot: it is closed, which stops it.
+    ClientLeft,
+    /// A command of the other program is not forwarded. Reported for the 1st, 2nd, 4th … time.
+    ClientRefused {
+        /// Why.
+        why: ClientRefusal,
+        /// Commands that were not forwarded so far.
+        refused: u64,
+    },
     /// A condition of the robot or its line that a person should know of.
     ConditionBegan {
         /// Which.
@@ -95,12 +106,23 @@ pub enum Event {
     },
 }
 
+/// Why a command of another program is not forwarded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ClientRefusal {
+    /// The driver itself is connecting to the robot, or there is none.
+    NotConnected,
+    /// It would change the speed of the line, which the driver has found.
+    Speed,
+    /// It is longer than a packet may be.
+    Long,
+}
+
 impl Event {
     /// Whether it should draw attention.
     #[must_use]
     pub fn is_warning(&self) -> bool {
         match self {
-            Self::Connected { .. } | Self::Resumed { .. } | Self::ConditionEnded { .. } => false,
+            Self::Connected { .. } | Self::Resumed { .. } | Self::ConditionEnded { .. } | Self::ClientConnects | Self::ClientLeft => false,
             // A robot that is pushed by hand has its motors off.
             Self::ConditionBegan { condition, .. } => *condition != Condition::MotorsOff,
             _ => true,
@@ -111,14 +133,14 @@ impl Event {
 impl std::fmt::Display for Event {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoAnswer { rounds: 1 } => write!(f, "no robot answers at any baud rate; still trying"),
-            Self::NoAnswer { rounds } => write!(f, "no robot has answered at any baud rate in {rounds} rounds; still trying"),
+            Self::NoAnswer { rounds: 1 } => write!(f, "no robot answers; still trying"),
+            Self::NoAnswer { rounds } => write!(f, "no robot has answered in {rounds} rounds; still trying"),
             Self::AlreadyOpen { closings: 1 } => write!(f, "the robot was left open by an earlier client; closing it first"),
             Self::AlreadyOpen { closings } => {
                 write!(f, "the robot stays open though it was told {closings} times to close: does the line carry what is sent to it?")
             }
             Self::Connected { identity: Identity { name, class, subclass }, model, baud } => {
-                write!(f, "connected to {name:?}, a {class} {subclass} ({}), at {baud} baud", model.name)
+                write!(f, "connected to {name:?}, a {class} {subclass} ({}){}", model.name, at_speed(*baud))
             }
             Self::OtherModel { settings, found } => {
                 write!(f, "the robot is a {found} but robot.model is {settings}: using the factors of {found}; set robot.model")
@@ -128,7 +150,7 @@ impl std::fmt::Display for Event {
                 "UNKNOWN ROBOT {subclass:?}: using the factors of robot.model = {settings}; if they are not right, the map is not"
             ),
             Self::Resumed { model, baud } => {
-                write!(f, "took up the running session with the {} at {baud} baud", model.name)
+                write!(f, "resumed the running session with the {}{}", model.name, at_speed(*baud))
             }
             Self::NotARobot { echo: true, times } => {
                 write!(f, "the port sends back what is sent to it ({times} times): a loop-back plug or a modem, not a robot; still trying")
@@ -151,6 +173,18 @@ impl std::fmt::Display for Event {
                  was, which is right only if the robot has not moved meanwhile"
             ),
             Self::RobotRestarted => write!(f, "the robot has been switched off and on; connecting anew"),
+            Self::ClientConnects => write!(f, "the program on the shared port closes the robot and may connect to it anew"),
+            Self::ClientLeft => {
+                write!(f, "the program on the shared port has left; closing the robot, which stops it, and connecting anew")
+            }
+            Self::ClientRefused { why, refused } => {
+                write!(f, "a command from the shared port is not forwarded ({refused} so far): ")?;
+                f.write_str(match why {
+                    ClientRefusal::NotConnected => "the driver is not connected to the robot",
+                    ClientRefusal::Speed => "it changes the speed of the line",
+                    ClientRefusal::Long => "it is longer than the robots take",
+                })
+            }
             Self::ConditionBegan { condition, words } => write!(f, "{words}{}", hint(*condition)),
             Self::ConditionEnded { words, lasted_s, .. } => write!(f, "over after {lasted_s:.1} s: {words}"),
             Self::OdometryRefused { step: Step::Refused { distance_m, turn_rad, elapsed_s, modulus }, refused } => {
@@ -166,6 +200,11 @@ impl std::fmt::Display for Event {
             Self::OdometryRefused { refused, .. } => write!(f, "refused odometry ({refused} so far): is robot.odometry_modulus right?"),
         }
     }
+}
+
+/// The speed of a serial line in words; nothing for a connection in the network.
+pub(crate) fn at_speed(baud: u32) -> String {
+    if baud == 0 { String::new() } else { format!(" at {baud} baud") }
 }
 
 /// What a person can do about a condition.

@@ -11,6 +11,10 @@ pub enum Input<'a> {
     Opened,
     /// Bytes from the robot.
     Bytes(&'a [u8]),
+    /// The data of a packet with which another program, on the shared port, commands the robot.
+    Client(&'a [u8]),
+    /// That program has left.
+    ClientLeft,
     /// Time has passed; wanted by [`Session::due_ns`](crate::Session::due_ns) at the latest.
     Tick,
     /// The port is gone.
@@ -24,6 +28,8 @@ pub enum Input<'a> {
 pub enum Output {
     /// Send this to the robot.
     Send(Command),
+    /// Send this packet of another program to the robot, unchanged.
+    Forward(Vec<u8>),
     /// Set the line to this baud rate and drop what waits to be read.
     Baud(u32),
     /// Drop what waits to be read.

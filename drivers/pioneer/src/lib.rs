@@ -11,18 +11,21 @@
 //! | [`Condition`] | what is wrong with the robot or its line, while it lasts |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
 //! | [`recording`] | decodes what somebody has recorded |
-//! | [`Port`] | a serial port that never blocks |
+//! | [`Port`] | a serial line or a connection that never blocks |
+//! | [`Share`] | ports on which another program uses the robot |
 //! | [`probe()`] | asks who is on a port |
 //!
 //! *Gap*: something was lost before a scan: packets, the link, or odometry that was refused. The scan says so. *Doubt*: a gap in which
 //! the robot may have moved without the counters telling where to.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
+mod address;
 mod arrivals;
 mod checkpoint;
 mod command;
 mod condition;
 mod conditions;
+mod connect;
 mod duplicates;
 mod event;
 mod exchange;
@@ -35,13 +38,16 @@ mod readings;
 pub mod recording;
 mod scanner;
 mod session;
+mod share;
 mod sonar_watch;
 
+pub use address::Address;
 pub use arrivals::{Arrivals, Rhythm};
 pub use checkpoint::Checkpoint;
 pub use command::Command;
 pub use condition::Condition;
-pub use event::Event;
+pub use connect::{OpenError, Opening};
+pub use event::{ClientRefusal, Event};
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
 pub use parameters::{Factors, Parameters};
@@ -50,3 +56,4 @@ pub use probe::{Answer, ProbeError, probe};
 pub use readings::{Readings, readings};
 pub use scanner::{Doubt, Refusals, Scanner};
 pub use session::Session;
+pub use share::{Share, ShareError, Shared};

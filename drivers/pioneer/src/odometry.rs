@@ -173,6 +173,18 @@ impl Odometry {
         self.unseen_ns = self.unseen_ns.saturating_add(time_ns);
     }
 
+    /// Whether counters are within a cycle's motion of zero.
+    #[must_use]
+    pub fn is_near_zero(&self, counters: Counters) -> bool {
+        let heading_units = i64::from(self.scale.heading_units);
+        let near = |counter: i64, modulus: i64| unwrap_near(0, counter, modulus) as f64;
+        let [x, y, heading] = units(counters);
+        let modulus = i64::from(self.scale.modulus);
+        let distance_m = near(x, modulus).hypot(near(y, modulus)) * self.scale.distance_m;
+        let turn_rad = near(heading, heading_units).abs() * self.heading_rad();
+        distance_m <= self.scale.speed_limit_m_s * CYCLE_S && turn_rad <= self.scale.turn_limit_rad_s * CYCLE_S
+    }
+
     /// How far the robot may have gone since the last step that was believed, m.
     #[must_use]
     pub fn reach_m(&self, stamp_ns: u64) -> f64 {

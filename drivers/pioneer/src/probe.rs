@@ -1,13 +1,14 @@
 //! Who answers on a serial port: the driver's own session, listened to for a few seconds, then closed.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use psos::{Identity, Model};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::event::Event;
+use crate::address::Address;
+use crate::connect::Opening;
+use crate::event::{Event, at_speed};
 use crate::exchange::{Input, Output};
 use crate::parameters::Parameters;
 use crate::port::{Port, words};
@@ -22,6 +23,9 @@ const ROUNDS: u64 = 3;
 
 /// Longest that a probe takes, ns: three rounds over five baud rates take 19 s, and what answers then has as long again.
 const PATIENCE_NS: u64 = 40_000_000_000;
+
+/// Connections that may end before the probe gives up.
+const RECONNECTS: u32 = 3;
 
 /// What answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,21 +59,27 @@ pub enum ProbeError {
         /// Why, in words.
         why: String,
     },
+    /// The port cannot be opened.
+    #[error("{why}")]
+    Open {
+        /// The port, and why.
+        why: String,
+    },
     /// Not a byte came.
-    #[error("{port}: silence at {bauds} baud: is the robot switched on, its cable connected, and this the right port?")]
+    #[error("{port}: silence{at}: is the robot switched on, its cable connected, and this the right port?")]
     Silent {
         /// The port.
         port: String,
-        /// The baud rates tried.
-        bauds: String,
+        /// The baud rates tried, in words.
+        at: String,
     },
     /// Bytes came that no Pioneer says.
-    #[error("{port}: what answers is not a Pioneer ({bytes} bytes at {bauds} baud, no answer to its handshake): is this the right port?")]
+    #[error("{port}: what answers is not a Pioneer ({bytes} bytes{at}, no answer to its handshake): is this the right port?")]
     NoRobot {
         /// The port.
         port: String,
-        /// The baud rates tried.
-        bauds: String,
+        /// The baud rates tried, in words.
+        at: String,
         /// Bytes that came.
         bytes: u64,
     },
@@ -80,7 +90,7 @@ pub enum ProbeError {
         port: String,
     },
     /// A robot answered the handshake and then sent nothing.
-    #[error("{port}: {name} answers at {baud} baud, but sends no status packets: switch it off and on")]
+    #[error("{port}: {name} answers{}, but sends no status packets: switch it off and on", at_speed(*baud))]
     NoPackets {
         /// The port.
         port: String,
@@ -100,17 +110,18 @@ struct Findings {
     fired: BTreeSet<u32>,
     packets: u64,
     echo: bool,
+    reconnects: u32,
 }
 
 /// Asks who is on a port. The robot is not moved, and closed at the end.
 ///
 /// # Errors
 /// When nothing that can be used answers, and why.
-pub fn probe(port: &Path, parameters: &Parameters) -> Result<Answer, ProbeError> {
-    let name = port.display().to_string();
+pub fn probe(port: &Address, parameters: &Parameters) -> Result<Answer, ProbeError> {
+    let name = port.to_string();
     let lost = |why: String| ProbeError::Port { port: name.clone(), why };
     let mut session = Session::new(parameters.clone(), None);
-    let mut line = Port::open(port, session.baud()).map_err(|error| lost(words(&error)))?;
+    let mut line = open(port, session.baud())?;
     let started = Instant::now();
     // The session takes no stamp for a real one that is not after the last.
     let now_ns = || 1 + started.elapsed().as_nanos() as u64;
@@ -124,7 +135,18 @@ pub fn probe(port: &Path, parameters: &Parameters) -> Result<Answer, ProbeError>
             act(&output, &mut line).map_err(lost)?;
         }
         wait(&line, session.due_ns().unwrap_or(u64::MAX).saturating_sub(now_ns()));
-        count = line.read(&mut bytes).map_err(|error| lost(error.to_string()))?;
+        count = match line.read(&mut bytes) {
+            Ok(count) => count,
+            // Some simulators end the connection when a robot that was left open is closed.
+            Err(_) if !port.has_speed() && findings.reconnects < RECONNECTS => {
+                findings.reconnects += 1;
+                let _ = session.step(Input::Vanished, now_ns());
+                line = open(port, session.baud())?;
+                input = Input::Opened;
+                continue;
+            }
+            Err(error) => return Err(lost(error.to_string())),
+        };
         findings.bytes += count as u64;
         input = if count > 0 { Input::Bytes(&bytes[..count]) } else { Input::Tick };
     }
@@ -136,13 +158,17 @@ pub fn probe(port: &Path, parameters: &Parameters) -> Result<Answer, ProbeError>
     findings.answer(name, parameters, damaged, note)
 }
 
+fn open(port: &Address, baud: u32) -> Result<Port, ProbeError> {
+    Opening::start(port, baud).wait().map_err(|error| ProbeError::Open { why: error.to_string() })
+}
+
 /// Does what the session wants with the line. A device that refuses a setting may still carry bytes.
 fn act(output: &Output, line: &mut Port) -> Result<(), String> {
     match output {
         Output::Send(command) => line.send(&command.packet()).map(drop).map_err(|error| error.to_string()),
         Output::Baud(baud) => line.set_baud(*baud).map_err(|error| words(&error)),
         Output::Flush => line.flush().map_err(|error| words(&error)),
-        Output::Reopen | Output::Publish(_) | Output::Event(_) => Ok(()),
+        Output::Forward(_) | Output::Reopen | Output::Publish(_) | Output::Event(_) => Ok(()),
     }
 }
 
@@ -175,11 +201,12 @@ impl Findings {
     }
 
     fn answer(self, port: String, parameters: &Parameters, damaged: u64, note: String) -> Result<Answer, ProbeError> {
-        let bauds = || parameters.bauds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let bauds = parameters.bauds.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let at = if bauds.is_empty() { bauds } else { format!(" at {bauds} baud") };
         match self.identity {
             None if self.echo => Err(ProbeError::Echo { port }),
-            None if self.bytes == 0 => Err(ProbeError::Silent { port, bauds: bauds() }),
-            None => Err(ProbeError::NoRobot { port, bauds: bauds(), bytes: self.bytes }),
+            None if self.bytes == 0 => Err(ProbeError::Silent { port, at }),
+            None => Err(ProbeError::NoRobot { port, at, bytes: self.bytes }),
             Some((identity, baud)) if self.packets == 0 => Err(ProbeError::NoPackets { port, name: identity.name, baud }),
             Some((identity, baud)) => {
                 let model = Model::of(&identity);
@@ -229,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_port_that_cannot_be_opened_is_told_in_one_line() {
-        let told = |path: &str| probe(Path::new(path), &Parameters::default()).unwrap_err().to_string();
+        let told = |path: &str| probe(&Address::Device(path.into()), &Parameters::default()).unwrap_err().to_string();
         assert_eq!(
             told("/dev/no-such-port"),
             "/dev/no-such-port: no such device: is the adapter plugged in? `ls /dev/serial/by-id` shows what there is"

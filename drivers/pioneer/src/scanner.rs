@@ -39,6 +39,10 @@ pub enum Doubt {
     },
 }
 
+/// How long a robot that stood when a client closed it is taken to have stood, s: a client's handshake takes about two seconds, and a
+/// closed robot has no power on its motors.
+const STANDS_FOR_S: f64 = 6.0;
+
 /// Makes scans of the status packets of one robot.
 #[derive(Debug, Clone)]
 pub struct Scanner {
@@ -50,6 +54,8 @@ pub struct Scanner {
     gap: u32,
     /// Why the pose of the last scan is doubtful, until it is asked for.
     doubt: Option<Doubt>,
+    /// The counters are about to start anew, of a robot that stands.
+    restarts_standing: bool,
     /// What the last packet had more than a scan holds.
     rest: Vec<SonarScan>,
     refusals: Refusals,
@@ -66,6 +72,7 @@ impl Scanner {
             model,
             gap: 0,
             doubt: None,
+            restarts_standing: false,
             rest: Vec::new(),
             refusals: Refusals::default(),
         }
@@ -120,6 +127,22 @@ impl Scanner {
         self.odometry.lift();
     }
 
+    /// Tells that a client makes the counters start anew, and whether the robot stands meanwhile.
+    pub fn expect_restart(&mut self, stands: bool) {
+        self.restarts_standing = stands;
+    }
+
+    /// Where counters have just been set to zero, the pose continues from where it is: true when those of this packet are that low.
+    /// The odometry alone would take a jump of a few centimetres for motion.
+    pub fn restart_at_zero(&mut self, sip: &Sip) -> bool {
+        let is_zero = self.odometry.is_near_zero(Counters { x: sip.x, y: sip.y, heading: sip.heading });
+        if is_zero {
+            self.restarts_standing = true;
+            self.link_was_down();
+        }
+        is_zero
+    }
+
     /// Where the robot is, for going on later.
     #[must_use]
     pub fn track(&self) -> Track {
@@ -146,7 +169,11 @@ impl Scanner {
             Step::TakenUp if before.stamp_ns == 0 => {}
             // They have started anew under way: two packets are missing, and no more.
             Step::TakenUp if before.anchored == 1 => self.mark_gap(),
-            Step::TakenUp => self.doubt(Doubt::Restarted { elapsed_s: stamp_ns.saturating_sub(before.stamp_ns) as f64 / 1e9 }),
+            Step::TakenUp => {
+                let elapsed_s = stamp_ns.saturating_sub(before.stamp_ns) as f64 / 1e9;
+                let stood = std::mem::take(&mut self.restarts_standing) && elapsed_s <= STANDS_FOR_S;
+                if stood { self.mark_gap() } else { self.doubt(Doubt::Restarted { elapsed_s }) }
+            }
             refused @ Step::Refused { .. } => {
                 self.refusals.odometry += 1;
                 self.mark_gap();

@@ -11,6 +11,10 @@
 //! ```
 //!
 //! A robot that was synchronised but never opened takes SYNC0 for PULSE and answers nothing until it is closed.
+//! Another program may use the robot through the shared port. Its CLOSE hands the robot over: the session is *lent* until status
+//! packets come again, or the program is silent for too long, which ends in a handshake of the driver's own. While the program
+//! commands an open robot, the driver sends no PULSE, so that the robot's watchdog stops it when the program dies.
+//!
 //! To a robot that is open, SYNC0 and SYNC1 are PULSE and OPEN: a handshake tried on it does no harm, and what comes back tells
 //! which of the two it was. Every wrong turn ends in a time limit and a new handshake.
 
@@ -22,7 +26,7 @@ use crate::command::Command;
 use crate::condition::{Condition, shown_by};
 use crate::conditions::Conditions;
 use crate::duplicates::Duplicates;
-use crate::event::Event;
+use crate::event::{ClientRefusal, Event, at_speed};
 use crate::exchange::{Input, Output};
 use crate::loss::PacketLoss;
 use crate::odometry::{Step, Track};
@@ -48,8 +52,25 @@ const LOSS: (f64, f64) = (0.1, 0.05);
 /// Refused packets in a row that another modulus of the counters would explain: a few may be damage, three are the firmware.
 const MODULUS_HINTS: u32 = 3;
 
+/// A modulus that has explained no packet for this long, ns, is forgotten: at 0.1 m/s the shortest wrap of 0.21 m recurs sooner.
+const MODULUS_HINTED_NS: u64 = 5_000_000_000;
+
 /// More damaged packets in a row than noise makes: the limits are too low for this robot.
 const MANY_REFUSED: u32 = 10;
+
+/// Silence of a program in its handshake after which the driver connects for itself, ns: real clients wait at most a second for an
+/// echo before they repeat.
+const LENT_NS: u64 = 3_000_000_000;
+
+/// How long a robot may take to stop after its client has left, ns: the watchdog's 2 s, and braking from full speed.
+const STOPS_WITHIN_NS: u64 = 5_000_000_000;
+
+/// How long after SETO counters near zero are taken for its effect, ns: a packet on its way, and the command's.
+const ZEROED_WITHIN_NS: u64 = 500_000_000;
+
+/// Rounds of handshakes without an answer after which a connection in the network is made anew, about 8 s: the host at its other end
+/// may have restarted, of which TCP tells nothing.
+const SILENT_ROUNDS: u64 = 6;
 
 /// Where the conversation is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,6 +87,8 @@ enum State {
     },
     /// OPEN is sent, status packets come or should.
     Open(Open),
+    /// A client has closed the robot and may be in a handshake with it.
+    Lent(Lent),
     /// CLOSE is sent for good.
     Ended,
 }
@@ -85,6 +108,27 @@ struct Open {
     heard: bool,
     /// Damaged packets before the last status packet.
     damaged: u64,
+    /// A client commands the robot.
+    client: bool,
+    /// When the client has left, if it has.
+    left_ns: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct OtherModulus {
+    modulus: u32,
+    /// Packets that it explains, and when the last of them came.
+    hints: u32,
+    hinted_ns: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Lent {
+    since_ns: u64,
+    /// When the driver connects for itself.
+    due_ns: u64,
+    /// The robot has answered SYNC2 since: status packets are those of a new session.
+    named: bool,
 }
 
 /// The conversation with a robot, over any number of connections.
@@ -111,8 +155,8 @@ pub struct Session {
     battery_v: Option<f64>,
     /// Packets in a row whose odometry was refused.
     refused_in_a_row: u32,
-    /// Another modulus with which refused packets would be believed, and how many of them.
-    other_modulus: Option<(u32, u32)>,
+    /// Another modulus with which refused packets would be believed.
+    other_modulus: Option<OtherModulus>,
     /// Times that the pose became doubtful.
     doubts: u64,
     duplicates: Duplicates,
@@ -127,6 +171,14 @@ pub struct Session {
     nameless_now: bool,
     /// What a robot calls itself that is of no known model.
     unknown: Option<String>,
+    /// Whether the wheels stood still in the last status packet.
+    stands: bool,
+    /// Until when counters near zero are the effect of a client's SETO.
+    zeroed_until_ns: u64,
+    forwarded: u64,
+    refused_commands: u64,
+    /// The state in which the connection ended, if the robot was lent then.
+    lent: Option<Lent>,
 }
 
 impl Session {
@@ -134,7 +186,10 @@ impl Session {
     #[must_use]
     pub fn new(parameters: Parameters, checkpoint: Option<Checkpoint>) -> Self {
         let (model, track) = checkpoint.map_or((parameters.model, Track::default()), |kept| (kept.model(), kept.track));
-        let baud = checkpoint.and_then(|kept| parameters.bauds.iter().position(|&baud| baud == kept.baud));
+        let baud = checkpoint.and_then(|kept| match parameters.bauds.as_slice() {
+            [] => Some(0),
+            bauds => bauds.iter().position(|&baud| baud == kept.baud),
+        });
         Self {
             state: State::Absent,
             deframer: Deframer::new(),
@@ -160,14 +215,31 @@ impl Session {
             echo: false,
             nameless_now: false,
             unknown: None,
+            stands: false,
+            zeroed_until_ns: 0,
+            forwarded: 0,
+            refused_commands: 0,
+            lent: None,
             parameters,
         }
     }
 
-    /// The baud rate in use.
+    /// The baud rate in use; 0 for a connection in the network.
     #[must_use]
     pub fn baud(&self) -> u32 {
-        self.parameters.bauds.get(self.baud).copied().unwrap_or(9600)
+        self.parameters.bauds.get(self.baud).copied().unwrap_or(0)
+    }
+
+    /// Whether clients on the shared port receive what the robot sends: not while the driver is in a handshake of its own.
+    #[must_use]
+    pub fn is_shared(&self) -> bool {
+        matches!(self.state, State::Open(_) | State::Lent(_))
+    }
+
+    /// Commands of clients that were forwarded, and those that were not.
+    #[must_use]
+    pub fn client_commands(&self) -> (u64, u64) {
+        (self.forwarded, self.refused_commands)
     }
 
     /// When [`Input::Tick`] is wanted, if ever.
@@ -176,8 +248,12 @@ impl Session {
         match self.state {
             State::Absent | State::Ended => None,
             State::Syncing { due_ns, .. } | State::Closing { due_ns, .. } => Some(due_ns),
+            State::Lent(Lent { due_ns, .. }) => Some(due_ns),
             State::Open(open) => {
-                Some(open.pulse_due_ns.min(open.repeat_due_ns).min(open.heard_ns.saturating_add(self.parameters.link_lost_ns)))
+                let lost_ns = open.heard_ns.saturating_add(self.parameters.link_lost_ns);
+                let pulse_ns = if open.client { u64::MAX } else { open.pulse_due_ns };
+                let stopped_ns = open.left_ns.map_or(u64::MAX, |left_ns| left_ns.saturating_add(STOPS_WITHIN_NS));
+                Some(pulse_ns.min(open.repeat_due_ns).min(lost_ns).min(stopped_ns))
             }
         }
     }
@@ -206,8 +282,10 @@ impl Session {
         self.scanner.refusals()
     }
 
-    /// Says that the clock stood still for this long: the robot had more time to move than stamps tell.
+    /// Takes account of a time in which the clock stood still, as while a computer is suspended: the robot had more time to move than
+    /// the stamps tell.
     pub fn add_unseen(&mut self, time_ns: u64) {
+        self.scanner.mark_gap();
         self.scanner.add_unseen(time_ns);
     }
 
@@ -250,14 +328,16 @@ impl Session {
                 format!("{port} sends back what is sent to it: it is not a robot")
             }
             State::Syncing { .. } | State::Closing { left_open: false, .. } if self.rounds == 0 => {
-                format!("looking for a robot on {port} at {} baud", self.baud())
+                format!("looking for a robot on {port}{}", at_speed(self.baud()))
             }
             State::Syncing { .. } | State::Closing { left_open: false, .. } => {
-                format!("no robot answers on {port}; trying {} baud", self.baud())
+                let trying = if self.baud() == 0 { "again".to_owned() } else { format!("{} baud", self.baud()) };
+                format!("no robot answers on {port}; trying {trying}")
             }
             State::Closing { left_open: true, .. } => format!("closing the robot on {port}, which was left open"),
+            State::Lent(_) => format!("lent to a program on the shared port, which connects to the robot on {port}"),
             State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
-            State::Open(_) => {
+            State::Open(Open { client, .. }) => {
                 let conditions = self.conditions.words();
                 let mut conditions = if conditions.is_empty() { conditions } else { conditions + "; " };
                 if self.doubts > 0 {
@@ -268,8 +348,9 @@ impl Session {
                 let (interval_ms, jitter_ms) = (interval_s * 1e3, jitter_s * 1e3);
                 let unknown =
                     self.unknown.as_ref().map_or_else(String::new, |subclass| format!("UNKNOWN ROBOT {subclass:.16?} taken for a "));
-                let (model, baud) = (self.scanner.model().name, self.baud());
-                format!("{conditions}{unknown}{model} at {baud} baud{battery}, a packet every {interval_ms:.0} ± {jitter_ms:.0} ms")
+                let (model, speed) = (self.scanner.model().name, at_speed(self.baud()));
+                let shared = if client { ", commanded by a program on the shared port" } else { "" };
+                format!("{conditions}{unknown}{model}{speed}{shared}{battery}, a packet every {interval_ms:.0} ± {jitter_ms:.0} ms")
             }
             State::Ended => "the robot is closed".to_owned(),
         }
@@ -282,8 +363,15 @@ impl Session {
         match input {
             Input::Opened => {
                 self.deframer.flush();
-                self.sync(now_ns, &mut out);
+                // Some simulators end the connection when a client closes the robot: the client goes on with its handshake.
+                match self.lent {
+                    Some(lent) if now_ns < lent.due_ns => self.state = State::Lent(lent),
+                    _ => self.sync(now_ns, &mut out),
+                }
+                self.lent = None;
             }
+            Input::Client(data) => self.forward(data, now_ns, &mut out),
+            Input::ClientLeft => self.client_left(now_ns),
             Input::Bytes(bytes) => self.receive(bytes, now_ns, &mut out),
             Input::Tick => self.tick(now_ns, &mut out),
             Input::Vanished => self.vanished(),
@@ -348,6 +436,18 @@ impl Session {
                 self.close(true, now_ns, out);
             }
             State::Open(_) => self.publish(&sip, stamp_ns, now_ns, out),
+            State::Lent(lent) => {
+                if lent.named {
+                    self.connections += 1;
+                    self.scanner.mark_gap();
+                }
+                // Before the robot's answer to SYNC2, packets are of the session that the client has closed: they were on their way, or
+                // the robot has missed CLOSE.
+                if lent.named || now_ns.saturating_sub(lent.since_ns) >= self.parameters.closing_ns {
+                    self.state = State::Open(Open { client: true, ..self.opened(now_ns) });
+                }
+                self.publish(&sip, stamp_ns, now_ns, out);
+            }
             State::Absent | State::Closing { .. } | State::Ended => {}
         }
     }
@@ -371,6 +471,13 @@ impl Session {
                 match step {
                     number::SYNC0 => self.send_sync(Command::Sync1, number::SYNC1, now_ns, out),
                     _ => self.send_sync(Command::Sync2, number::SYNC2, now_ns, out),
+                }
+            }
+            State::Lent(lent) if answer == Some(number::SYNC2) => {
+                if let Ok(identity) = Identity::decode(&frame.data) {
+                    self.state = State::Lent(Lent { named: true, ..lent });
+                    self.disconnected();
+                    self.meet(&identity, out);
                 }
             }
             // It echoes PULSE: it takes it for SYNC0, so it has been switched off and on.
@@ -406,6 +513,61 @@ impl Session {
                 self.sync(now_ns, out);
             }
             State::Open(open) => self.tick_open(open, now_ns, out),
+            State::Lent(Lent { due_ns, .. }) if now_ns >= due_ns => self.close(false, now_ns, out),
+            _ => {}
+        }
+    }
+
+    /// Forwards a client's command, and notes what it does to the session.
+    fn forward(&mut self, data: &[u8], now_ns: u64, out: &mut Vec<Output>) {
+        let number = data.first().copied().unwrap_or_default();
+        let packet = match self.state {
+            State::Open(_) | State::Lent(_) if number == number::HOSTBAUD => Err(ClientRefusal::Speed),
+            State::Open(_) | State::Lent(_) => psos::encode_frame(data).map_err(|_| ClientRefusal::Long),
+            _ => Err(ClientRefusal::NotConnected),
+        };
+        match packet {
+            Ok(packet) => out.push(Output::Forward(packet)),
+            Err(why) => {
+                self.refused_commands += 1;
+                if self.refused_commands.is_power_of_two() {
+                    out.push(Output::Event(Event::ClientRefused { why, refused: self.refused_commands }));
+                }
+                return;
+            }
+        }
+        self.forwarded += 1;
+        match &mut self.state {
+            State::Open(_) if number == number::CLOSE => {
+                out.push(Output::Event(Event::ClientConnects));
+                self.lend(now_ns);
+            }
+            State::Open(open) => {
+                (open.client, open.left_ns) = (true, None);
+                if number == number::SETO {
+                    self.zeroed_until_ns = now_ns + ZEROED_WITHIN_NS;
+                }
+            }
+            State::Lent(lent) => {
+                lent.due_ns = now_ns + LENT_NS;
+                // To a synchronised robot the number of SYNC2 means CLOSE.
+                lent.named &= number != number::CLOSE;
+            }
+            _ => {}
+        }
+    }
+
+    fn lend(&mut self, now_ns: u64) {
+        self.scanner.expect_restart(self.stands);
+        self.forget_conditions();
+        self.state = State::Lent(Lent { since_ns: now_ns, due_ns: now_ns + LENT_NS, named: false });
+    }
+
+    /// A client has left. An open robot that it commanded is closed once it stands: its watchdog stops it.
+    fn client_left(&mut self, now_ns: u64) {
+        match &mut self.state {
+            State::Open(open) if open.client => open.left_ns = Some(now_ns),
+            State::Lent(lent) => lent.due_ns = now_ns,
             _ => {}
         }
     }
@@ -428,7 +590,13 @@ impl Session {
                 out.push(Output::Event(Event::NoAnswer { rounds: self.rounds }));
             }
         }
-        out.push(Output::Baud(self.baud()));
+        if !self.parameters.bauds.is_empty() {
+            out.push(Output::Baud(self.baud()));
+        } else if self.rounds.is_multiple_of(SILENT_ROUNDS) {
+            out.push(Output::Reopen);
+            self.state = State::Absent;
+            return;
+        }
         self.deframer.flush();
         // Where a whole round was silent, the robot may be in a session that shows no sign of life: synchronised, never opened.
         match self.rounds {
@@ -453,7 +621,15 @@ impl Session {
             self.state = State::Absent;
             return;
         }
-        if now_ns >= open.pulse_due_ns {
+        if let Some(left_ns) = open.left_ns
+            && (self.stands || now_ns.saturating_sub(left_ns) >= STOPS_WITHIN_NS)
+        {
+            out.push(Output::Event(Event::ClientLeft));
+            self.scanner.expect_restart(self.stands);
+            self.close(false, now_ns, out);
+            return;
+        }
+        if now_ns >= open.pulse_due_ns && !open.client {
             out.push(Output::Send(Command::Pulse));
             open.pulse_due_ns = now_ns + self.parameters.pulse_ns;
         }
@@ -483,6 +659,21 @@ impl Session {
     }
 
     fn open(&mut self, identity: &Identity, now_ns: u64, out: &mut Vec<Output>) {
+        let model = self.meet(identity, out);
+        out.push(Output::Send(Command::Open));
+        if model.system == System::P2os {
+            out.push(Output::Send(Command::SonarsOn));
+        }
+        self.connections += 1;
+        self.rounds = 0;
+        self.closings = 0;
+        self.tries_after_echo = 0;
+        self.nameless = 0;
+        self.state = State::Open(self.opened(now_ns));
+    }
+
+    /// Takes the factors of a robot that names itself.
+    fn meet(&mut self, identity: &Identity, out: &mut Vec<Output>) -> &'static Model {
         let settings = self.parameters.model;
         let known = Model::of(identity);
         self.unknown = known.is_none().then(|| identity.subclass.clone());
@@ -496,16 +687,7 @@ impl Session {
             }
             Some(_) => {}
         }
-        out.push(Output::Send(Command::Open));
-        if model.system == System::P2os {
-            out.push(Output::Send(Command::SonarsOn));
-        }
-        self.connections += 1;
-        self.rounds = 0;
-        self.closings = 0;
-        self.tries_after_echo = 0;
-        self.nameless = 0;
-        self.state = State::Open(self.opened(now_ns));
+        model
     }
 
     fn opened(&self, now_ns: u64) -> Open {
@@ -517,6 +699,8 @@ impl Session {
             usable_ns: now_ns,
             heard: false,
             damaged: self.deframer.counters().bad_checksums,
+            client: false,
+            left_ns: None,
         }
     }
 
@@ -525,6 +709,10 @@ impl Session {
         match self.state {
             State::Open(Open { heard, .. }) => self.resumable = heard,
             State::Syncing { .. } if self.resumable => {}
+            State::Lent(lent) => {
+                self.lent = Some(lent);
+                self.disconnected();
+            }
             _ => self.disconnected(),
         }
         self.forget_conditions();
@@ -565,6 +753,10 @@ impl Session {
         }
         self.counted = counted;
         self.battery_v = Some(sip.battery_v());
+        self.stands = sip.left_velocity == 0 && sip.right_velocity == 0;
+        if now_ns < self.zeroed_until_ns && self.scanner.restart_at_zero(sip) {
+            self.zeroed_until_ns = 0;
+        }
         self.loss.note(stamp_ns);
         self.sonars.note(&sip.readings, now_ns);
         let usable = match self.scanner.scan(sip, stamp_ns) {
@@ -585,7 +777,7 @@ impl Session {
                 scan.count > 0
             }
             Err(step) => {
-                self.refused(step, out);
+                self.refused(step, now_ns, out);
                 !sip.readings.is_empty()
             }
         };
@@ -597,18 +789,17 @@ impl Session {
         self.observe(sip, now_ns, out);
     }
 
-    fn refused(&mut self, step: Step, out: &mut Vec<Output>) {
+    fn refused(&mut self, step: Step, now_ns: u64, out: &mut Vec<Output>) {
         self.refused_in_a_row += 1;
         let refused = self.scanner.refusals().odometry;
         // A limit that is too low for the robot would otherwise fill the log.
         if refused.is_power_of_two() {
             out.push(Output::Event(Event::OdometryRefused { step, refused }));
         }
-        let Step::Refused { modulus, .. } = step else { return };
-        self.other_modulus = modulus.map(|modulus| {
-            let hints = self.other_modulus.filter(|&(other, _)| other == modulus).map_or(0, |(_, hints)| hints);
-            (modulus, hints.saturating_add(1))
-        });
+        // A packet that no modulus explains does not refute one: it may be damaged.
+        let Step::Refused { modulus: Some(modulus), .. } = step else { return };
+        let hints = self.other_modulus.filter(|other| other.modulus == modulus).map_or(0, |other| other.hints);
+        self.other_modulus = Some(OtherModulus { modulus, hints: hints.saturating_add(1), hinted_ns: now_ns });
     }
 
     /// Judges what a person should know of after this packet.
@@ -624,8 +815,11 @@ impl Session {
         } else {
             None
         };
+        self.other_modulus.take_if(|other| now_ns.saturating_sub(other.hinted_ns) >= MODULUS_HINTED_NS);
         let odometry = match self.other_modulus {
-            Some((modulus, MODULUS_HINTS..)) => Some(format!("ODOMETRY REFUSED: set robot.odometry_modulus = {modulus}")),
+            Some(OtherModulus { modulus, hints: MODULUS_HINTS.., .. }) => {
+                Some(format!("ODOMETRY REFUSED: set robot.odometry_modulus = {modulus}"))
+            }
             _ if self.refused_in_a_row >= MANY_REFUSED => Some(format!(
                 "{} packets in a row refused: are robot.odometry_modulus, pioneer.speed_limit_m_s and turn_limit_rad_s right?",
                 self.refused_in_a_row

@@ -165,3 +165,24 @@ fn refused_odometry_names_the_modulus() {
     let refused = drive.events.iter().find(|event| matches!(event, Event::OdometryRefused { .. })).unwrap();
     assert!(refused.to_string().ends_with("robot.odometry_modulus is wrong"), "{refused}");
 }
+
+#[test]
+fn damaged_packets_do_not_hide_the_right_modulus() {
+    let mut drive = driven(Robot { modulus: 4096, ..Robot::pioneer_1() });
+    for _ in 0..60 {
+        drive.run(500 * MS);
+        let damaged = psos::Sip { x: drive.robot.sip().x ^ 0x0800, y: 2000, ..drive.robot.sip() };
+        drive.step(stillmap_pioneer::Input::Bytes(&damaged.encode().unwrap()));
+    }
+    assert!(drive.conditions().contains(&(Condition::Odometry, "ODOMETRY REFUSED: set robot.odometry_modulus = 4096")));
+    assert_eq!(drive.ended(), []);
+}
+
+#[test]
+fn a_modulus_that_explains_nothing_any_more_is_over() {
+    let mut drive = driven(Robot { modulus: 4096, ..Robot::pioneer_1() });
+    assert_eq!(drive.ended(), []);
+    drive.robot.m_per_cycle = 0.0;
+    drive.run(20 * S);
+    assert_eq!(drive.ended(), [Condition::Odometry]);
+}

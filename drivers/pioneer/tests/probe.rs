@@ -13,7 +13,7 @@ use std::time::Instant;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
-use stillmap_pioneer::{Answer, Parameters, ProbeError, probe};
+use stillmap_pioneer::{Address, Answer, Parameters, ProbeError, probe};
 use support::{MS, Robot};
 
 /// What is at the other end of the line: takes the bytes that came and the time, and answers.
@@ -33,7 +33,7 @@ fn probed(mut device: Device) -> Result<Answer, ProbeError> {
     let (done, end) = rustix::pipe::pipe().unwrap();
     let served = thread::Builder::new().name("device".to_owned()).spawn(move || serve(&line, &done, &mut device)).unwrap();
     let quick = Parameters { echo_ns: 600 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..Parameters::default() };
-    let answer = probe(&path, &quick);
+    let answer = probe(&Address::Device(path), &quick);
     drop(end);
     served.join().unwrap();
     answer

@@ -6,7 +6,6 @@
 //! | [`Simulation`] | the drive: a packet every 100 ms of what the robot knows, with the truth behind it |
 //! | [`camera::Camera`] | what the robot's camera sees of it, and the truth of each pixel |
 //! | [`RobotEnd`] | the robot's end of the serial protocol: bytes in, bytes out |
-//! | [`Terminal`] | the pseudo-terminal that stands in for the serial port |
 //!
 //! All but the terminal is pure. The drive is a function of world, robot and seed: where anything is, is a function of time, and
 //! each ping has random numbers of its own. So a drive is the same however often it is stopped and taken up, and the same walls
@@ -30,7 +29,6 @@ mod robot_end;
 mod simulation;
 mod sonar;
 mod still;
-mod terminal;
 mod walker;
 mod wall;
 pub mod world;
@@ -40,5 +38,4 @@ pub use journey::STANDSTILL_NS;
 pub use optics::Optics;
 pub use robot_end::RobotEnd;
 pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, Simulation};
-pub use terminal::Terminal;
 pub use world::{World, read_world};

@@ -9,8 +9,8 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use super::robot;
-use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, Terminal, read_world};
-use anyhow::{Context as _, Result};
+use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, read_world};
+use anyhow::Result;
 use bus::{BusError, Writer};
 use drive_state::DriveState;
 use messages::{TruthScan, TruthSurfaces};
@@ -19,6 +19,7 @@ pub(crate) use parameters::{failings, optics};
 use picture_feed::PictureFeed;
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Provides, Settings};
+use terminal::Terminal;
 
 /// Name of the robot's serial port in the domain's folder.
 pub(super) const PORT_NAME: &str = "robot";
@@ -43,7 +44,11 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let checkpoint = shell.checkpoint();
     let state = resume(&checkpoint, &mut simulation);
     let port = shell.membership().directory().join(PORT_NAME);
-    let terminal = Terminal::open(port.clone()).with_context(|| format!("cannot open a pseudo-terminal as {}", port.display()))?;
+    let mut terminal = Terminal::open(port)?;
+    if let Some(link) = &settings.simulator.link {
+        terminal.link(link.clone())?;
+        tracing::info!("the robot is at {}", link.display());
+    }
     let mut surfaces = shell.writer()?;
     publish_surfaces(&mut surfaces, &simulation)?;
     let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;

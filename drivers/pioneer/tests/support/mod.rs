@@ -33,6 +33,8 @@ pub(crate) struct Robot {
     pub readings: Vec<RawReading>,
     /// Where it was when it was opened.
     pub opened_at_m: f64,
+    /// Whether its counters start at zero when it is opened.
+    pub zeroes: bool,
     /// The number at which its counters start again from 0.
     pub modulus: u64,
     pub battery: u8,
@@ -64,6 +66,7 @@ impl Robot {
             unit_mm: None,
             readings: Vec::new(),
             opened_at_m: 0.0,
+            zeroes: false,
             modulus: 32768,
             battery: 131,
             stall_bumpers: (0, 0),
@@ -114,6 +117,7 @@ impl Robot {
                     answer.extend(self.identity().encode().unwrap());
                 }
                 (true, number::CLOSE) => (self.open, self.named) = (false, false),
+                (true, number::SETO) => self.opened_at_m = self.x_m,
                 (true, number::SONAR) => self.sonars |= self.has_sonar_command,
                 _ => {}
             }
@@ -136,7 +140,8 @@ impl Robot {
 
     pub(crate) fn sip(&self) -> Sip {
         let readings = if self.readings.is_empty() { vec![RawReading { sonar: 3, range: 1000 }] } else { self.readings.clone() };
-        let units = (self.x_m * 1000.0 / self.unit_mm()) as u64;
+        let origin_m = if self.zeroes { self.opened_at_m } else { 0.0 };
+        let units = ((self.x_m - origin_m) * 1000.0 / self.unit_mm()) as u64;
         Sip {
             status: 2,
             x: (units % self.modulus) as u16,
@@ -171,6 +176,8 @@ pub(crate) struct Drive {
     pub sent: Vec<Vec<u8>>,
     /// Whether what the driver sends comes back at once.
     pub echo: bool,
+    /// What a program on the shared port has received.
+    pub client_received: Vec<u8>,
     /// Changes what the robot says on its way.
     pub damage: Box<dyn FnMut(Vec<u8>) -> Vec<u8>>,
     opened: bool,
@@ -182,7 +189,11 @@ impl Drive {
     }
 
     pub(crate) fn going_on(robot: Robot, checkpoint: Option<Checkpoint>, now_ns: u64) -> Self {
-        let session = Session::new(Parameters::default(), checkpoint);
+        Self::with(robot, Parameters::default(), checkpoint, now_ns)
+    }
+
+    pub(crate) fn with(robot: Robot, parameters: Parameters, checkpoint: Option<Checkpoint>, now_ns: u64) -> Self {
+        let session = Session::new(parameters, checkpoint);
         let line_baud = session.baud();
         let mut robot = robot;
         robot.next_sip_ns = robot.next_sip_ns.max(now_ns);
@@ -197,6 +208,7 @@ impl Drive {
             events: Vec::new(),
             sent: Vec::new(),
             echo: false,
+            client_received: Vec::new(),
             damage: Box::new(|bytes| bytes),
             opened: false,
         }
@@ -231,6 +243,11 @@ impl Drive {
     }
 
     pub(crate) fn step(&mut self, input: Input<'_>) {
+        if let Input::Bytes(bytes) = input
+            && self.session.is_shared()
+        {
+            self.client_received.extend(bytes);
+        }
         for output in self.session.step(input, self.now_ns) {
             match output {
                 Output::Send(command) => {
@@ -248,6 +265,15 @@ impl Drive {
                         self.step(Input::Bytes(&answer));
                     }
                 }
+                Output::Forward(packet) => {
+                    if !self.opened || self.quiet {
+                        continue;
+                    }
+                    let answer = self.robot.hear(&packet, self.line_baud, self.now_ns);
+                    if !answer.is_empty() {
+                        self.step(Input::Bytes(&answer));
+                    }
+                }
                 Output::Baud(baud) => self.line_baud = baud,
                 Output::Flush => {}
                 Output::Reopen => self.opened = false,
@@ -255,6 +281,17 @@ impl Drive {
                 Output::Event(event) => self.events.push(event),
             }
         }
+    }
+
+    /// A program on the shared port sends a command without an argument.
+    pub(crate) fn client(&mut self, number: u8) {
+        self.step(Input::Client(&[number]));
+    }
+
+    /// The packets that this program has received since the last call.
+    pub(crate) fn client_packets(&mut self) -> Vec<Vec<u8>> {
+        let received = std::mem::take(&mut self.client_received);
+        Deframer::new().push(&received).into_iter().map(|frame| frame.data).collect()
     }
 
     /// Conditions whose beginning was said, each with its words.
