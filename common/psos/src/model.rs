@@ -1,8 +1,5 @@
 //! What is known of a type of robot: the factors that turn a packet's numbers into metres and radians, the sonar ring, the dimensions.
 
-use crate::identity::Identity;
-use crate::robots::MODELS;
-
 /// Where one sonar sits and looks, in the robot frame (x forward, y left, counter-clockwise).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
@@ -63,18 +60,6 @@ impl Mount {
 }
 
 impl Model {
-    /// The model of that name, or of that subclass. Letter case is no matter.
-    #[must_use]
-    pub fn named(name: &str) -> Option<&'static Self> {
-        MODELS.iter().find(|model| model.names().any(|known| known.eq_ignore_ascii_case(name)))
-    }
-
-    /// The model of a robot that says who it is; `None` for one that stillmap has no factors for.
-    #[must_use]
-    pub fn of(identity: &Identity) -> Option<&'static Self> {
-        Self::named(&identity.subclass)
-    }
-
     /// All of its names, its own first.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         [self.name].into_iter().chain(self.subclasses.iter().copied())
@@ -96,6 +81,8 @@ impl Model {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MODELS;
+    use crate::identity::Identity;
 
     #[track_caller]
     fn check(subclass: &str, expect: Option<&str>) {

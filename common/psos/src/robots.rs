@@ -3,6 +3,7 @@
 //! Figures: the public parameter files of the robots' own client library (`params/*.p` of ARIA 2.9 and AriaCoda), all 49 types. Types
 //! whose figures are all equal share a line.
 
+use crate::identity::Identity;
 use crate::model::{Model, Mount, System, mount};
 
 /// What turns a packet's numbers into lengths.
@@ -321,6 +322,20 @@ const POWERBOT_SH_UARCS_RING: [Mount; 16] = [
 ];
 
 const NO_RING: [Mount; 0] = [];
+
+impl Model {
+    /// The model of that name, or of that subclass. Letter case is no matter.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        MODELS.iter().find(|model| model.names().any(|known| known.eq_ignore_ascii_case(name)))
+    }
+
+    /// The model of a robot that says who it is; `None` for one that stillmap has no factors for.
+    #[must_use]
+    pub fn of(identity: &Identity) -> Option<&'static Self> {
+        Self::named(&identity.subclass)
+    }
+}
 
 /// The robots that stillmap knows. The first is what it takes a robot for that says nothing else.
 #[rustfmt::skip]

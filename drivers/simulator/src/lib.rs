@@ -19,6 +19,7 @@ pub mod blobs;
 mod body;
 pub mod camera;
 mod chance;
+mod check;
 mod config_packet;
 mod geometry;
 mod journey;

@@ -2,24 +2,19 @@
 //!
 //! Places are `[x, y]` in metres in the world's frame (right-handed), headings counter-clockwise from x.
 
-use document::{DocumentError, Fault};
+use document::DocumentError;
 use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::geometry::Segment;
 use crate::quantity::{
     BlindRange, BuiltHeight, BuiltLength, Crosstalk, DriveSpeed, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander, HearingLimit,
     Mirrored, Missed, Place, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
 };
-use crate::still;
 pub use crate::wall::Wall;
 
 /// Most walkers of a world: what a truth message can tell of.
 pub const MAX_WALKERS: usize = 16;
-
-/// Most straight pieces of all that stands still; a pillar counts for 16.
-pub const MAX_PIECES: usize = 2048;
 
 /// A world.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -57,34 +52,6 @@ impl World {
     /// The first problem of the text, in one line with file, line, key, value and what was expected.
     pub fn parse(file: &str, text: &str) -> Result<Self, DocumentError> {
         document::parse_checked(file, text, Self::check)
-    }
-
-    /// Checks what no part of the world can say alone.
-    ///
-    /// # Errors
-    /// The first key that does not go with the others.
-    pub fn check(&self) -> Result<(), Fault> {
-        if self.walkers.len() > MAX_WALKERS {
-            return Err(Fault::new("walker", format!("at most {MAX_WALKERS} walkers, found {}", self.walkers.len())));
-        }
-        let faces = still::faces(self);
-        let pieces = faces.len() + self.pillars.len() * still::PIECES_OF_A_CIRCLE as usize;
-        if pieces > MAX_PIECES {
-            return Err(Fault::new("wall", format!("a world of at most {MAX_PIECES} pieces of surface, found {pieces}")));
-        }
-        let mut from = self.robot.start_m.vector();
-        for (index, goal) in self.robot.way.iter().enumerate() {
-            let leg = Segment { from, to: goal.to_m.vector() };
-            let through_pillar = |pillar: &Pillar| leg.distance_m(&pillar.centre_m.vector()) <= pillar.radius_m.get();
-            if faces.iter().any(|face| leg.crosses(&face.segment)) || self.pillars.iter().any(through_pillar) {
-                return Err(Fault::new(
-                    format!("robot.way[{index}].to_m"),
-                    "a place that the robot reaches without driving through things",
-                ));
-            }
-            from = leg.to;
-        }
-        Ok(())
     }
 }
 
