@@ -41,9 +41,9 @@ pub struct LinkCounters {
 #[derive(Debug, Clone, Default)]
 pub struct Deframer {
     /// Bytes from the earliest open header on; empty or starting with `FA`.
-    held: Vec<u8>,
-    /// Stream position of `held[0]`.
-    held_start: u64,
+    buffer: Vec<u8>,
+    /// Stream position of `buffer[0]`.
+    buffer_start: u64,
     /// Bytes pushed so far.
     pushed: u64,
     counters: LinkCounters,
@@ -63,8 +63,8 @@ impl Deframer {
 
     /// Forgets a packet that has begun; its bytes count as skipped. For a line whose other end starts anew.
     pub fn flush(&mut self) {
-        self.counters.skipped_bytes += self.held.len() as u64;
-        self.held.clear();
+        self.counters.skipped_bytes += self.buffer.len() as u64;
+        self.buffer.clear();
     }
 
     /// Bytes of the stream pushed so far: the position of the next byte.
@@ -76,7 +76,7 @@ impl Deframer {
     /// Position of the first byte that may still become part of a packet.
     #[must_use]
     pub fn open_from(&self) -> u64 {
-        self.pushed - self.held.len() as u64
+        self.pushed - self.buffer.len() as u64
     }
 
     /// What came over the link so far.
@@ -86,15 +86,15 @@ impl Deframer {
     }
 
     fn push_byte(&mut self, byte: u8) -> Option<Frame> {
-        if self.held.is_empty() {
-            self.held_start = self.pushed;
+        if self.buffer.is_empty() {
+            self.buffer_start = self.pushed;
         }
         self.pushed += 1;
-        self.held.push(byte);
+        self.buffer.push(byte);
 
         let mut start = 0;
-        while start < self.held.len() {
-            match examine(&self.held[start..]) {
+        while start < self.buffer.len() {
+            match examine(&self.buffer[start..]) {
                 Candidate::Good(data) => return Some(self.take_good(start, data)),
                 Candidate::Bad => self.counters.bad_checksums += 1,
                 Candidate::Open | Candidate::Over | Candidate::NoHeader => {}
@@ -107,19 +107,19 @@ impl Deframer {
 
     /// Everything before a good packet is lost: it can no longer complete without overlapping it.
     fn take_good(&mut self, start: usize, data: Vec<u8>) -> Frame {
-        let abandoned = (0..start).filter(|&s| matches!(examine(&self.held[s..]), Candidate::Open)).count();
+        let abandoned = (0..start).filter(|&s| matches!(examine(&self.buffer[s..]), Candidate::Open)).count();
         self.counters.bad_checksums += abandoned as u64;
         self.counters.skipped_bytes += start as u64;
         self.counters.packets += 1;
-        self.held.clear();
-        Frame { start: self.held_start + start as u64, data }
+        self.buffer.clear();
+        Frame { start: self.buffer_start + start as u64, data }
     }
 
     /// Keeps the bytes from the first header that may still become a packet.
     fn drop_hopeless(&mut self) {
-        let keep = (0..self.held.len()).find(|&s| matches!(examine(&self.held[s..]), Candidate::Open)).unwrap_or(self.held.len());
-        self.held.drain(..keep);
-        self.held_start += keep as u64;
+        let keep = (0..self.buffer.len()).find(|&s| matches!(examine(&self.buffer[s..]), Candidate::Open)).unwrap_or(self.buffer.len());
+        self.buffer.drain(..keep);
+        self.buffer_start += keep as u64;
         self.counters.skipped_bytes += keep as u64;
     }
 }
@@ -129,11 +129,11 @@ enum Candidate {
     NoHeader,
     /// A header whose packet is not complete yet.
     Open,
-    /// A complete packet that ends with the last byte held.
+    /// A complete packet that ends with the last byte buffer.
     Good(Vec<u8>),
-    /// Complete with the last byte held, and its checksum is wrong.
+    /// Complete with the last byte buffer, and its checksum is wrong.
     Bad,
-    /// It ended before the last byte held, and was found bad then.
+    /// It ended before the last byte buffer, and was found bad then.
     Over,
 }
 

@@ -50,7 +50,7 @@ fn is_found_or_cut(packet: &Range<usize>, found: &[Frame]) -> bool {
 }
 
 #[test]
-fn packets_are_taken_up_to_the_longest_that_a_count_byte_can_say() {
+fn packets_up_to_the_longest_count_are_read() {
     for length in [198, 199, 207, 253] {
         let data = vec![7; length];
         assert_eq!(Deframer::new().push(&packet_bytes(&data)), [Frame { start: 0, data }]);
@@ -58,7 +58,7 @@ fn packets_are_taken_up_to_the_longest_that_a_count_byte_can_say() {
 }
 
 #[test]
-fn noise_that_makes_a_packet_with_the_next_ones_first_byte_is_a_packet() {
+fn noise_that_completes_a_packet_counts_as_one() {
     let mut bytes = vec![0xFA, 0xFB, 0x03, 0xFA, 0x00];
     bytes.extend(encode_frame(&[7]).unwrap());
     assert_eq!(Deframer::new().push(&bytes), [Frame { start: 0, data: vec![0xFA] }]);

@@ -33,7 +33,7 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
-    /// Stamps go on after `last_stamp_ns`.
+    /// Stamps continue after `last_stamp_ns`.
     #[must_use]
     pub fn after(last_stamp_ns: u64) -> Self {
         Self { last_stamp_ns, ..Self::default() }
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn only_reads_that_may_matter_are_kept() {
+    fn reads_of_complete_packets_are_dropped() {
         let mut arrivals = Arrivals::default();
         for read in 0..1000 {
             arrivals.note_read(read, read * MS);

@@ -1,4 +1,4 @@
-//! What a restarted driver needs to go on: plain numbers, of the same build.
+//! What a restarted driver needs to resume: plain numbers, of the same build.
 
 use messages::SonarScan;
 use psos::{MODELS, Model};

@@ -77,7 +77,7 @@ pub enum Event {
     /// A command of the other program is not forwarded. Reported for the 1st, 2nd, 4th … time.
     ClientRefused {
         /// Why.
-        why: ClientRefusal,
+        why: NotForwarded,
         /// Commands that were not forwarded so far.
         refused: u64,
     },
@@ -108,7 +108,7 @@ pub enum Event {
 
 /// Why a command of another program is not forwarded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ClientRefusal {
+pub enum NotForwarded {
     /// The driver itself is connecting to the robot, or there is none.
     NotConnected,
     /// It would change the speed of the line, which the driver has found.
@@ -169,7 +169,7 @@ impl std::fmt::Display for Event {
             ),
             Self::PoseDoubtful { doubt: Doubt::Restarted { elapsed_s } } => write!(
                 f,
-                "POSE DOUBTFUL: the robot's counters have started anew after {elapsed_s:.1} s without it; the pose goes on from where it \
+                "POSE DOUBTFUL: the robot's counters have started anew after {elapsed_s:.1} s without it; the pose continues from where it \
                  was, which is right only if the robot has not moved meanwhile"
             ),
             Self::RobotRestarted => write!(f, "the robot has been switched off and on; connecting anew"),
@@ -180,9 +180,9 @@ impl std::fmt::Display for Event {
             Self::ClientRefused { why, refused } => {
                 write!(f, "a command from the shared port is not forwarded ({refused} so far): ")?;
                 f.write_str(match why {
-                    ClientRefusal::NotConnected => "the driver is not connected to the robot",
-                    ClientRefusal::Speed => "it changes the speed of the line",
-                    ClientRefusal::Long => "it is longer than the robots take",
+                    NotForwarded::NotConnected => "the driver is not connected to the robot",
+                    NotForwarded::Speed => "it changes the speed of the line",
+                    NotForwarded::Long => "it is longer than the robots take",
                 })
             }
             Self::ConditionBegan { condition, words } => write!(f, "{words}{}", hint(*condition)),

@@ -10,7 +10,7 @@
 //! | [`Odometry`] | counters that wrap around to a pose that never jumps |
 //! | [`Condition`] | what is wrong with the robot or its line, while it lasts |
 //! | [`Arrivals`] | stamps by the arrival of a packet's first byte |
-//! | [`recording`] | decodes what somebody has recorded |
+//! | [`recording`] | decodes recorded bytes |
 //! | [`Port`] | a serial line or a connection that never blocks |
 //! | [`Share`] | ports on which another program uses the robot |
 //! | [`probe()`] | asks who is on a port |
@@ -47,7 +47,7 @@ pub use checkpoint::Checkpoint;
 pub use command::Command;
 pub use condition::Condition;
 pub use connect::{OpenError, Opening};
-pub use event::{ClientRefusal, Event};
+pub use event::{Event, NotForwarded};
 pub use exchange::{Input, Output};
 pub use odometry::{CYCLE_S, Counters, Odometry, Scale, Step, Track};
 pub use parameters::{Factors, Parameters};

@@ -28,10 +28,10 @@ const WRAP_FITS: (f64, f64) = (0.02, 0.1);
 const WRAP_SEEN_S: f64 = 0.3;
 
 /// Longest time over which the last velocity says anything about the next step, s. With a modulus of 2^15 a Pioneer 1's
-/// x and y wrap every 1.66 m: after a silence this unwinds both a robot at 0.4 m/s that went on for up to 4 s and one that stopped at once.
+/// x and y wrap every 1.66 m: after a silence this unwinds both a robot at 0.4 m/s that continued for up to 4 s and one that stopped at once.
 const PREDICTION_S: f64 = 2.0;
 
-/// Wraps to either side of the best step that are tried as alternatives. What can be meant lies in a disc: if it holds an alternative at
+/// Wraps to either side of the best step that are tried as alternatives. The possible steps lie in a disc: if it holds an alternative at
 /// all, it holds one of these.
 const WRAPS: i64 = 2;
 
@@ -109,7 +109,7 @@ pub enum Step {
         elapsed_s: f64,
     },
     /// The first since the start or since the link was down: the pose stays, the robot's counters count from here.
-    TakenUp,
+    Anchored,
     /// Not believed; the pose stays and the packet is of no use.
     Refused {
         /// The distance it claims, m.
@@ -135,7 +135,7 @@ pub struct Odometry {
 }
 
 impl Odometry {
-    /// Odometry that goes on from `track`.
+    /// Odometry that continues from `track`.
     #[must_use]
     pub fn new(scale: Scale, track: Track) -> Self {
         Self { scale, track, refused: None, unseen_ns: 0 }
@@ -156,7 +156,7 @@ impl Odometry {
         }
     }
 
-    /// All there is to know for going on later.
+    /// All that a later process needs to resume.
     #[must_use]
     pub fn track(&self) -> Track {
         self.track
@@ -202,8 +202,8 @@ impl Odometry {
     /// Takes the counters of the next packet.
     pub fn step(&mut self, counters: Counters, stamp_ns: u64) -> Step {
         if self.track.anchored == 0 {
-            self.take_up(counters, stamp_ns);
-            return Step::TakenUp;
+            self.anchor(counters, stamp_ns);
+            return Step::Anchored;
         }
         let claim = self.claim((self.track.last, self.track.stamp_ns), self.track.velocity, counters, stamp_ns);
         let within_limits = self.is_within_limits(&claim);
@@ -216,8 +216,8 @@ impl Odometry {
         match (fits_refused, within_limits) {
             (true, true) => self.take_best(&claim, counters, stamp_ns),
             (true, false) => {
-                self.take_up(counters, stamp_ns);
-                Step::TakenUp
+                self.anchor(counters, stamp_ns);
+                Step::Anchored
             }
             (false, _) => {
                 self.refused = Some((counters, stamp_ns));
@@ -254,7 +254,7 @@ impl Odometry {
         (stamp_ns.saturating_sub(then_ns).saturating_add(self.unseen_ns) as f64 / 1e9).max(CYCLE_S)
     }
 
-    /// Takes a step that can be meant, and tells whether another one can as well.
+    /// Takes a possible step, and tells whether another one is possible as well.
     fn take_best(&mut self, claim: &Claim, counters: Counters, stamp_ns: u64) -> Step {
         let others = (-WRAPS..=WRAPS).flat_map(|x| (-WRAPS..=WRAPS).map(move |y| (x, y))).filter(|&wraps| wraps != (0, 0));
         let modulus = i64::from(self.scale.modulus);
@@ -305,7 +305,7 @@ impl Odometry {
         self.unseen_ns = 0;
     }
 
-    fn take_up(&mut self, counters: Counters, stamp_ns: u64) {
+    fn anchor(&mut self, counters: Counters, stamp_ns: u64) {
         let last = units(counters);
         let base = self.pose();
         self.track = Track { base, base_heading: last[2], last, stamp_ns, anchored: 1, ..Track::default() };
@@ -376,7 +376,7 @@ mod tests {
             let unit = odometry.heading_rad();
             let (mut x, mut y, mut heading) = (start.0 as f64, start.1 as f64, start.2 as f64);
             let raw = |x: f64, y: f64, heading: f64| counters(x as i64, y as i64, heading as i64, modulus);
-            prop_assert_eq!(odometry.step(raw(x, y, heading), 0), Step::TakenUp);
+            prop_assert_eq!(odometry.step(raw(x, y, heading), 0), Step::Anchored);
             let mut stamp_ns = 0;
             let (mut speed, mut turn_rate) = (0.0, 0.0);
             for (target_speed, target_rate, packets) in legs {
@@ -419,7 +419,7 @@ mod tests {
                         prop_assert!(moved <= time_s + 1e-9 && turned <= 3.0 * time_s + 1e-9);
                         before = (pose, stamp_ns);
                     }
-                    Step::TakenUp => {
+                    Step::Anchored => {
                         prop_assert!(moved < 1e-9 && turned < 1e-9);
                         before = (pose, stamp_ns);
                     }
@@ -451,7 +451,7 @@ mod tests {
 
     /// Within the limits of speed, so only the change of velocity gives it away: sideways at 1.5 m/s for one packet.
     #[test]
-    fn a_step_that_no_robot_can_make_is_refused_even_below_the_limits() {
+    fn an_impossible_step_below_the_limits_is_refused() {
         let mut odometry = driven();
         let step = odometry.step(counters(20 * 790, 3000, 0, 32768), 20 * CYCLE_NS);
         assert!(matches!(step, Step::Refused { distance_m, .. } if distance_m < 0.2), "{step:?}");
@@ -473,7 +473,7 @@ mod tests {
         let mut odometry = driven();
         let before = odometry.pose();
         assert!(matches!(odometry.step(counters(0, 0, 300, 32768), 20 * CYCLE_NS), Step::Refused { .. }));
-        assert_eq!(odometry.step(counters(10, 0, 300, 32768), 21 * CYCLE_NS), Step::TakenUp);
+        assert_eq!(odometry.step(counters(10, 0, 300, 32768), 21 * CYCLE_NS), Step::Anchored);
         assert_eq!(odometry.pose(), before);
         assert_eq!(odometry.step(counters(10 + 790, 0, 300, 32768), 22 * CYCLE_NS), Step::Taken);
         // The robot looks the same way as before; its own x axis lies 300 units to the right of that.
@@ -506,7 +506,7 @@ mod tests {
         for packet in 0..20 {
             assert!(matches!(
                 odometry.step(counters(packet * units, 0, 0, modulus), packet as u64 * CYCLE_NS),
-                Step::Taken | Step::TakenUp
+                Step::Taken | Step::Anchored
             ));
         }
         let last = 19 + cycles;
@@ -549,16 +549,16 @@ mod tests {
     }
 
     #[test]
-    fn after_the_link_was_down_the_pose_goes_on() {
+    fn after_a_lost_link_the_pose_continues() {
         let mut odometry = driven();
         let before = odometry.pose();
         odometry.lift();
-        assert_eq!(odometry.step(counters(12345, 54321, 77, 32768), 900 * CYCLE_NS), Step::TakenUp);
+        assert_eq!(odometry.step(counters(12345, 54321, 77, 32768), 900 * CYCLE_NS), Step::Anchored);
         assert_eq!(odometry.pose(), before);
     }
 
     #[test]
-    fn a_track_can_be_taken_up_again() {
+    fn a_track_can_be_resumed() {
         let odometry = driven();
         let mut resumed = Odometry::new(SCALE, odometry.track());
         assert_eq!(resumed.pose(), odometry.pose());

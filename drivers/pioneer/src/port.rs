@@ -200,12 +200,12 @@ mod tests {
             assert_eq!(port.read(&mut bytes).unwrap(), 0, "nothing waits");
             rustix::io::write(&robot, &every).unwrap();
             wait(&port);
-            let mut heard = Vec::new();
-            while heard.len() < every.len() {
+            let mut received = Vec::new();
+            while received.len() < every.len() {
                 let count = port.read(&mut bytes).unwrap();
-                heard.extend_from_slice(&bytes[..count]);
+                received.extend_from_slice(&bytes[..count]);
             }
-            assert_eq!(heard, every);
+            assert_eq!(received, every);
             assert!(port.send(&every).unwrap());
             let count = rustix::io::read(&robot, &mut bytes).unwrap();
             assert_eq!(&bytes[..count], every);

@@ -187,17 +187,17 @@ impl Findings {
                 self.connected_ns = now_ns;
             }
             Output::Event(Event::NotARobot { echo, .. }) => self.echo |= echo,
-            Output::Publish(kept) => {
+            Output::Publish(saved) => {
                 self.packets += 1;
-                self.fired.extend(kept.scan.readings().iter().map(|reading| reading.sonar));
+                self.fired.extend(saved.scan.readings().iter().map(|reading| reading.sonar));
             }
             _ => {}
         }
     }
 
     fn are_complete(&self, now_ns: u64) -> bool {
-        let heard = self.identity.is_some() && now_ns.saturating_sub(self.connected_ns) >= LISTEN_NS;
-        heard || now_ns >= PATIENCE_NS
+        let has_listened = self.identity.is_some() && now_ns.saturating_sub(self.connected_ns) >= LISTEN_NS;
+        has_listened || now_ns >= PATIENCE_NS
     }
 
     fn answer(self, port: String, parameters: &Parameters, damaged: u64, note: String) -> Result<Answer, ProbeError> {

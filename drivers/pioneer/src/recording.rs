@@ -1,4 +1,4 @@
-//! What a robot said, decoded without a conversation: for bytes that somebody has recorded.
+//! What a robot said, decoded without a conversation: for recorded bytes.
 
 use messages::SonarScan;
 use psos::{Deframer, Identity, LinkCounters, Model, Sip, number};

@@ -62,7 +62,7 @@ pub struct Scanner {
 }
 
 impl Scanner {
-    /// A scanner for a robot of this model that goes on from `track`.
+    /// A scanner for a robot of this model that continues from `track`.
     #[must_use]
     pub fn new(parameters: &Parameters, model: &'static Model, track: Track) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl Scanner {
         self.mark_gap();
     }
 
-    /// Says that the link was down: the robot's counters may start anew. The pose goes on from where it was.
+    /// Says that the link was down: the robot's counters may start anew. The pose continues from where it was.
     pub fn link_was_down(&mut self) {
         if self.odometry.track().stamp_ns > 0 {
             self.mark_gap();
@@ -143,7 +143,7 @@ impl Scanner {
         is_zero
     }
 
-    /// Where the robot is, for going on later.
+    /// Where the robot is, for a later process.
     #[must_use]
     pub fn track(&self) -> Track {
         self.odometry.track()
@@ -166,10 +166,10 @@ impl Scanner {
             Step::Taken => {}
             Step::Guessed { wrap_m, reach_m, elapsed_s } => self.doubt(Doubt::Wraps { elapsed_s, wrap_m, reach_m }),
             // The first counters ever.
-            Step::TakenUp if before.stamp_ns == 0 => {}
+            Step::Anchored if before.stamp_ns == 0 => {}
             // They have started anew under way: two packets are missing, and no more.
-            Step::TakenUp if before.anchored == 1 => self.mark_gap(),
-            Step::TakenUp => {
+            Step::Anchored if before.anchored == 1 => self.mark_gap(),
+            Step::Anchored => {
                 let elapsed_s = stamp_ns.saturating_sub(before.stamp_ns) as f64 / 1e9;
                 let stood = std::mem::take(&mut self.restarts_standing) && elapsed_s <= STANDS_FOR_S;
                 if stood { self.mark_gap() } else { self.doubt(Doubt::Restarted { elapsed_s }) }

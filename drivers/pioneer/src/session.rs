@@ -26,7 +26,7 @@ use crate::command::Command;
 use crate::condition::{Condition, shown_by};
 use crate::conditions::Conditions;
 use crate::duplicates::Duplicates;
-use crate::event::{ClientRefusal, Event, at_speed};
+use crate::event::{Event, NotForwarded, at_speed};
 use crate::exchange::{Input, Output};
 use crate::loss::PacketLoss;
 use crate::odometry::{Step, Track};
@@ -99,13 +99,13 @@ struct Open {
     /// When OPEN or SONAR is sent again unless what they ask for has come.
     repeat_due_ns: u64,
     /// When the last status packet came; the opening before the first.
-    heard_ns: u64,
+    packet_ns: u64,
     /// When the last status packet with readings came; the opening before the first.
     fired_ns: u64,
     /// When the last status packet with a reading that a sonar of this robot can have made came; the opening before the first.
     usable_ns: u64,
     /// Status packets have come.
-    heard: bool,
+    has_packets: bool,
     /// Damaged packets before the last status packet.
     damaged: u64,
     /// A client commands the robot.
@@ -182,20 +182,20 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session with a robot that is still to be found. `checkpoint` is what an earlier process of the same run kept.
+    /// A session with a robot that is still to be found. `checkpoint` is what an earlier process of the same run saved.
     #[must_use]
     pub fn new(parameters: Parameters, checkpoint: Option<Checkpoint>) -> Self {
-        let (model, track) = checkpoint.map_or((parameters.model, Track::default()), |kept| (kept.model(), kept.track));
-        let baud = checkpoint.and_then(|kept| match parameters.bauds.as_slice() {
+        let (model, track) = checkpoint.map_or((parameters.model, Track::default()), |saved| (saved.model(), saved.track));
+        let baud = checkpoint.and_then(|saved| match parameters.bauds.as_slice() {
             [] => Some(0),
-            bauds => bauds.iter().position(|&baud| baud == kept.baud),
+            bauds => bauds.iter().position(|&baud| baud == saved.baud),
         });
         Self {
             state: State::Absent,
             deframer: Deframer::new(),
-            arrivals: Arrivals::after(checkpoint.map_or(0, |kept| kept.stamp_ns)),
+            arrivals: Arrivals::after(checkpoint.map_or(0, |saved| saved.stamp_ns)),
             scanner: Scanner::new(&parameters, model, track),
-            seq: checkpoint.map_or(0, |kept| kept.seq),
+            seq: checkpoint.map_or(0, |saved| saved.seq),
             resumable: baud.is_some(),
             baud: baud.unwrap_or(0),
             tries_after_echo: 0,
@@ -250,7 +250,7 @@ impl Session {
             State::Syncing { due_ns, .. } | State::Closing { due_ns, .. } => Some(due_ns),
             State::Lent(Lent { due_ns, .. }) => Some(due_ns),
             State::Open(open) => {
-                let lost_ns = open.heard_ns.saturating_add(self.parameters.link_lost_ns);
+                let lost_ns = open.packet_ns.saturating_add(self.parameters.link_lost_ns);
                 let pulse_ns = if open.client { u64::MAX } else { open.pulse_due_ns };
                 let stopped_ns = open.left_ns.map_or(u64::MAX, |left_ns| left_ns.saturating_add(STOPS_WITHIN_NS));
                 Some(pulse_ns.min(open.repeat_due_ns).min(lost_ns).min(stopped_ns))
@@ -336,7 +336,7 @@ impl Session {
             }
             State::Closing { left_open: true, .. } => format!("closing the robot on {port}, which was left open"),
             State::Lent(_) => format!("lent to a program on the shared port, which connects to the robot on {port}"),
-            State::Open(Open { heard: false, .. }) => format!("waiting for the robot's packets on {port}"),
+            State::Open(Open { has_packets: false, .. }) => format!("waiting for the robot's packets on {port}"),
             State::Open(Open { client, .. }) => {
                 let conditions = self.conditions.words();
                 let mut conditions = if conditions.is_empty() { conditions } else { conditions + "; " };
@@ -363,7 +363,7 @@ impl Session {
         match input {
             Input::Opened => {
                 self.deframer.flush();
-                // Some simulators end the connection when a client closes the robot: the client goes on with its handshake.
+                // Some simulators end the connection when a client closes the robot: the client continues its handshake.
                 match self.lent {
                     Some(lent) if now_ns < lent.due_ns => self.state = State::Lent(lent),
                     _ => self.sync(now_ns, &mut out),
@@ -394,9 +394,9 @@ impl Session {
         for frame in frames {
             if Sip::is_sip(&frame.data) {
                 let stamp_ns = stamps.next().unwrap_or(now_ns);
-                self.heard_sip(&frame, stamp_ns, now_ns, out);
+                self.on_status_packet(&frame, stamp_ns, now_ns, out);
             } else {
-                self.heard_other(&frame, now_ns, out);
+                self.on_other_packet(&frame, now_ns, out);
             }
         }
     }
@@ -407,12 +407,12 @@ impl Session {
         if let State::Open(open) = &mut self.state
             && duplicate
         {
-            open.heard_ns = now_ns;
+            open.packet_ns = now_ns;
         }
         duplicate
     }
 
-    fn heard_sip(&mut self, frame: &Frame, stamp_ns: u64, now_ns: u64, out: &mut Vec<Output>) {
+    fn on_status_packet(&mut self, frame: &Frame, stamp_ns: u64, now_ns: u64, out: &mut Vec<Output>) {
         // A status packet that announces more than it has is damaged; its checksum agrees by accident.
         let Ok(sip) = Sip::decode(&frame.data) else {
             self.scanner.refuse_packet();
@@ -452,7 +452,7 @@ impl Session {
         }
     }
 
-    fn heard_other(&mut self, frame: &Frame, now_ns: u64, out: &mut Vec<Output>) {
+    fn on_other_packet(&mut self, frame: &Frame, now_ns: u64, out: &mut Vec<Output>) {
         let answer = frame.data.first().copied();
         match self.state {
             // Whatever was asked: a robot that names itself is synchronised. Some take CLOSE for the last step of a handshake.
@@ -481,7 +481,7 @@ impl Session {
                 }
             }
             // It echoes PULSE: it takes it for SYNC0, so it has been switched off and on.
-            State::Open(open) if answer == Some(number::SYNC0) && now_ns.saturating_sub(open.heard_ns) > REPEAT_NS => {
+            State::Open(open) if answer == Some(number::SYNC0) && now_ns.saturating_sub(open.packet_ns) > REPEAT_NS => {
                 out.push(Output::Event(Event::RobotRestarted));
                 self.disconnected();
                 self.sync(now_ns, out);
@@ -522,9 +522,9 @@ impl Session {
     fn forward(&mut self, data: &[u8], now_ns: u64, out: &mut Vec<Output>) {
         let number = data.first().copied().unwrap_or_default();
         let packet = match self.state {
-            State::Open(_) | State::Lent(_) if number == number::HOSTBAUD => Err(ClientRefusal::Speed),
-            State::Open(_) | State::Lent(_) => psos::encode_frame(data).map_err(|_| ClientRefusal::Long),
-            _ => Err(ClientRefusal::NotConnected),
+            State::Open(_) | State::Lent(_) if number == number::HOSTBAUD => Err(NotForwarded::Speed),
+            State::Open(_) | State::Lent(_) => psos::encode_frame(data).map_err(|_| NotForwarded::Long),
+            _ => Err(NotForwarded::NotConnected),
         };
         match packet {
             Ok(packet) => out.push(Output::Forward(packet)),
@@ -612,11 +612,11 @@ impl Session {
     }
 
     fn tick_open(&mut self, mut open: Open, now_ns: u64, out: &mut Vec<Output>) {
-        let silence_ns = now_ns.saturating_sub(open.heard_ns);
+        let silence_ns = now_ns.saturating_sub(open.packet_ns);
         if silence_ns >= self.parameters.link_lost_ns {
             let damaged = self.deframer.counters().bad_checksums.saturating_sub(open.damaged);
             out.extend([Output::Event(Event::LinkLost { silence_s: silence_ns as f64 / 1e9, damaged }), Output::Reopen]);
-            self.resumable = open.heard;
+            self.resumable = open.has_packets;
             self.forget_conditions();
             self.state = State::Absent;
             return;
@@ -634,12 +634,12 @@ impl Session {
             open.pulse_due_ns = now_ns + self.parameters.pulse_ns;
         }
         if now_ns >= open.repeat_due_ns {
-            if !open.heard {
+            if !open.has_packets {
                 out.push(Output::Send(Command::Open));
             }
             // Of a line that is dead nothing is known of the sonars.
-            let silent = open.heard_ns.saturating_sub(open.fired_ns) >= SONARS_SILENT_NS;
-            if self.scanner.model().system == System::P2os && (silent || !open.heard) {
+            let silent = open.packet_ns.saturating_sub(open.fired_ns) >= SONARS_SILENT_NS;
+            if self.scanner.model().system == System::P2os && (silent || !open.has_packets) {
                 out.push(Output::Send(Command::SonarsOn));
             }
             open.repeat_due_ns = now_ns + REPEAT_NS;
@@ -694,10 +694,10 @@ impl Session {
         Open {
             pulse_due_ns: now_ns + self.parameters.pulse_ns,
             repeat_due_ns: now_ns + REPEAT_NS,
-            heard_ns: now_ns,
+            packet_ns: now_ns,
             fired_ns: now_ns,
             usable_ns: now_ns,
-            heard: false,
+            has_packets: false,
             damaged: self.deframer.counters().bad_checksums,
             client: false,
             left_ns: None,
@@ -707,7 +707,7 @@ impl Session {
     /// The port is gone. The robot knows nothing of it: it stays open and counts on.
     fn vanished(&mut self) {
         match self.state {
-            State::Open(Open { heard, .. }) => self.resumable = heard,
+            State::Open(Open { has_packets, .. }) => self.resumable = has_packets,
             State::Syncing { .. } if self.resumable => {}
             State::Lent(lent) => {
                 self.lent = Some(lent);
@@ -738,11 +738,11 @@ impl Session {
     fn publish(&mut self, sip: &Sip, stamp_ns: u64, now_ns: u64, out: &mut Vec<Output>) {
         let counted = self.deframer.counters();
         if let State::Open(open) = &mut self.state {
-            if open.heard && stamp_ns.saturating_sub(self.scanner.track().stamp_ns) > GAP_NS {
+            if open.has_packets && stamp_ns.saturating_sub(self.scanner.track().stamp_ns) > GAP_NS {
                 self.scanner.mark_gap();
             }
-            open.heard_ns = now_ns;
-            open.heard = true;
+            open.packet_ns = now_ns;
+            open.has_packets = true;
             open.damaged = counted.bad_checksums;
             if !sip.readings.is_empty() {
                 open.fired_ns = now_ns;
@@ -766,8 +766,8 @@ impl Session {
                 for (stamp_ns, scan) in (stamp_ns..).zip([scan].into_iter().chain(rest)) {
                     self.seq += 1;
                     let track = self.scanner.track();
-                    let kept = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
-                    out.push(Output::Publish(Box::new(kept)));
+                    let saved = Checkpoint::new(self.seq, stamp_ns, scan, track, self.scanner.model(), self.baud());
+                    out.push(Output::Publish(Box::new(saved)));
                     self.arrivals.note_stamp(stamp_ns);
                 }
                 if let Some(doubt) = self.scanner.take_doubt() {

@@ -5,7 +5,7 @@ use psos::RawReading;
 /// Sonar numbers that are watched: four arrays of eight, as many as any of the robots has.
 const MOST_SONARS: usize = 32;
 
-/// A sonar that fired once and then is silent for this long is said, if the others went on.
+/// A sonar that fired once and then is silent for this long is said, if the others continued.
 const SILENT_NS: u64 = 5_000_000_000;
 
 /// Rounds of the ring that others must have fired meanwhile: at one packet a second a ring of sixteen takes 8 s for a round.

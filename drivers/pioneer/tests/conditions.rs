@@ -98,7 +98,7 @@ fn emergency_stop_and_motors_are_said_of_robots_that_tell() {
 }
 
 #[test]
-fn silent_sonars_are_said_on_every_model_whatever_the_flags_claim() {
+fn silent_sonars_are_reported_on_every_model() {
     for robot in [
         Robot { sonars: false, ..Robot::pioneer_1() },
         Robot { has_sonar_command: false, ..Robot::p3_dx() },
@@ -108,7 +108,7 @@ fn silent_sonars_are_said_on_every_model_whatever_the_flags_claim() {
         assert_eq!(drive.conditions(), [(Condition::NoReadings, "NO SONAR READINGS for 2 s")], "{}", drive.robot.subclass);
         drive.run(10 * S);
         assert!(drive.session.note("x").starts_with("NO SONAR READINGS for 1"), "{}", drive.session.note("x"));
-        let asked = drive.robot.heard.iter().filter(|&&heard| heard == number::SONAR).count();
+        let asked = drive.robot.received.iter().filter(|&&received| received == number::SONAR).count();
         assert_eq!(asked > 5, drive.robot.subclass == "p3dx", "asked {asked} times");
         drive.robot.sonars = true;
         drive.run(3 * S);

@@ -35,7 +35,7 @@ fn drive(robot: Robot, absence: Absence, away_ns: u64, m_per_cycle: f64) -> Foun
     let mut drive = Drive::new(robot);
     drive.run(5 * S);
     drive.robot.m_per_cycle = m_per_cycle;
-    let kept = *drive.scans.last().unwrap();
+    let saved = *drive.scans.last().unwrap();
     match absence {
         Absence::Silent => drive.quiet = true,
         Absence::Unplugged => drive.plugged = false,
@@ -44,7 +44,7 @@ fn drive(robot: Robot, absence: Absence, away_ns: u64, m_per_cycle: f64) -> Foun
     let mut after = if absence == Absence::Down {
         let later_ns = drive.now_ns + away_ns;
         drive.robot.speak(later_ns);
-        Drive::going_on(drive.robot, Some(kept), later_ns)
+        Drive::going_on(drive.robot, Some(saved), later_ns)
     } else {
         drive.run(away_ns);
         drive.scans.clear();
@@ -57,7 +57,7 @@ fn drive(robot: Robot, absence: Absence, away_ns: u64, m_per_cycle: f64) -> Foun
     }
     after.run(5 * S);
     after.check_stream();
-    let first_m = kept.scan.pose.x_m - 0.03 * (kept.seq - 1) as f64;
+    let first_m = saved.scan.pose.x_m - 0.03 * (saved.seq - 1) as f64;
     let way_m = after.robot.x_m - after.robot.opened_at_m - 0.03;
     Found {
         error_m: (after.pose_x_m() - first_m - way_m).abs(),

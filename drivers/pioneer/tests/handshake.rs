@@ -16,13 +16,13 @@ fn connected(drive: &Drive) -> usize {
 fn a_closed_robot_is_opened_and_scans_come() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(10 * S);
-    assert_eq!(drive.robot.heard[..4], [number::SYNC0, number::SYNC1, number::SYNC2, number::OPEN]);
+    assert_eq!(drive.robot.received[..4], [number::SYNC0, number::SYNC1, number::SYNC2, number::OPEN]);
     assert_eq!(drive.events.len(), 1, "{:?}", drive.events);
     assert!((97..=100).contains(&drive.scans.len()), "{}", drive.scans.len());
     drive.check_stream();
     let first = &drive.scans[0];
     assert_eq!((first.seq, first.scan.after_gap, first.scan.pose.x_m), (1, 0, 0.0), "the pose starts at identity");
-    assert!(drive.scans.iter().all(|kept| kept.scan.after_gap == 0));
+    assert!(drive.scans.iter().all(|saved| saved.scan.after_gap == 0));
     let travelled = 0.03 * (drive.scans.len() - 1) as f64;
     assert!((drive.pose_x_m() - travelled).abs() < 1e-3, "{} of {travelled} m", drive.pose_x_m());
     assert_eq!(drive.session.note("/dev/pioneer"), "pioneer-1 at 9600 baud, battery 13.1 V, a packet every 100 ± 0 ms");
@@ -32,9 +32,9 @@ fn a_closed_robot_is_opened_and_scans_come() {
 fn a_pulse_comes_twice_a_second_and_psos_hears_nothing_it_lacks() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(10 * S);
-    let pulses = drive.robot.heard[4..].iter().filter(|&&heard| heard == number::PULSE).count();
+    let pulses = drive.robot.received[4..].iter().filter(|&&received| received == number::PULSE).count();
     assert!((18..=20).contains(&pulses), "{pulses}");
-    assert_eq!(drive.robot.heard.len(), 4 + pulses, "{:?}", drive.robot.heard);
+    assert_eq!(drive.robot.received.len(), 4 + pulses, "{:?}", drive.robot.received);
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn a_lost_identity_is_asked_for_again_at_the_same_baud_rate() {
     });
     drive.run(3 * S);
     assert!(matches!(&drive.events[..], [Event::Connected { baud: 9600, .. }]), "{:?}", drive.events);
-    assert_eq!(drive.robot.heard[3..5], [number::CLOSE, number::SYNC0]);
+    assert_eq!(drive.robot.received[3..5], [number::CLOSE, number::SYNC0]);
 }
 
 #[test]
@@ -115,10 +115,10 @@ fn an_answer_without_names_is_no_robot() {
 }
 
 #[test]
-fn a_robot_that_boots_when_its_port_is_opened_is_found_in_the_second_round() {
-    let mut drive = Drive::new(Robot { deaf: true, ..Robot::pioneer_1() });
+fn a_robot_that_boots_on_open_is_found_in_the_second_round() {
+    let mut drive = Drive::new(Robot { unresponsive: true, ..Robot::pioneer_1() });
     drive.run(2500 * MS);
-    drive.robot.deaf = false;
+    drive.robot.unresponsive = false;
     drive.run(6 * S);
     assert_eq!(connected(&drive), 1, "{:?}", drive.events);
 }
@@ -126,11 +126,11 @@ fn a_robot_that_boots_when_its_port_is_opened_is_found_in_the_second_round() {
 #[test]
 fn a_robot_that_hears_nothing_does_not_fill_the_log() {
     let mut drive = Drive::new(Robot { open: true, ..Robot::pioneer_1() });
-    drive.robot.deaf = true;
+    drive.robot.unresponsive = true;
     drive.run(30 * S);
     let said: Vec<_> = [1, 2, 4, 8, 16, 32].map(|closings| Event::AlreadyOpen { closings }).into();
     assert!(drive.events.len() >= 5 && said.starts_with(&drive.events), "{:?}", drive.events);
-    drive.robot.deaf = false;
+    drive.robot.unresponsive = false;
     drive.run(3 * S);
     assert_eq!(connected(&drive), 1);
 }
@@ -140,10 +140,10 @@ fn sonars_are_asked_for_until_they_fire() {
     let mut drive = Drive::new(Robot::p3_dx());
     drive.run(2 * S);
     assert!(drive.robot.sonars);
-    let asked = |drive: &Drive| drive.robot.heard.iter().filter(|&&heard| heard == number::SONAR).count();
+    let asked = |drive: &Drive| drive.robot.received.iter().filter(|&&received| received == number::SONAR).count();
     assert_eq!(asked(&drive), 1);
     assert_eq!(drive.conditions(), []);
-    // Somebody, or a fault, switches them off; the robot is deaf to the command for a while.
+    // Another program, or a fault, switches them off; the robot is unresponsive to the command for a while.
     drive.robot.has_sonar_command = false;
     drive.robot.sonars = false;
     drive.run(6 * S);
@@ -158,14 +158,14 @@ fn sonars_are_asked_for_until_they_fire() {
 }
 
 #[test]
-fn another_model_than_the_settings_say_uses_its_own_factors_and_says_so() {
+fn another_model_than_in_the_settings_uses_its_own_factors() {
     let mut drive = Drive::new(Robot::p3_dx());
     drive.run(5 * S);
     assert!(drive.events.contains(&Event::OtherModel { settings: "pioneer-1", found: "p3-dx" }));
-    let kept = drive.scans.last().unwrap();
-    assert_eq!(kept.scan.readings()[0].range_m, 1.0, "1000 units of 1 mm");
-    assert_eq!(kept.scan.readings()[0].mount.y_m, 0.027);
-    assert!((kept.scan.pose.x_m - 0.03 * (kept.seq - 1) as f64).abs() < 1e-3);
+    let saved = drive.scans.last().unwrap();
+    assert_eq!(saved.scan.readings()[0].range_m, 1.0, "1000 units of 1 mm");
+    assert_eq!(saved.scan.readings()[0].mount.y_m, 0.027);
+    assert!((saved.scan.pose.x_m - 0.03 * (saved.seq - 1) as f64).abs() < 1e-3);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn an_unknown_robot_is_shouted_about() {
 }
 
 #[test]
-fn a_silent_link_is_lost_after_eight_seconds_and_taken_up_again() {
+fn a_silent_link_is_lost_after_eight_seconds_and_resumed() {
     let mut drive = Drive::new(Robot::p3_dx());
     drive.run(5 * S);
     let before = drive.scans.len();
@@ -188,10 +188,10 @@ fn a_silent_link_is_lost_after_eight_seconds_and_taken_up_again() {
     assert!(drive.events.iter().any(|event| matches!(event, Event::LinkLost { silence_s, damaged: 0 } if (*silence_s - 8.0).abs() < 0.2)));
     drive.quiet = false;
     drive.run(10 * S);
-    assert_eq!((connected(&drive), drive.session.reconnects()), (1, 1), "its session went on: {:?}", drive.events);
+    assert_eq!((connected(&drive), drive.session.reconnects()), (1, 1), "its session continued: {:?}", drive.events);
     assert_eq!(drive.scans[before].scan.after_gap, AFTER_LOSS);
     assert!((drive.pose_x_m() - 0.03 * (drive.scans.len() as f64 + 82.0 - 1.0)).abs() < 0.04, "the counters tell where it went");
-    assert!(drive.scans[before + 1..].iter().all(|kept| kept.scan.after_gap == 0));
+    assert!(drive.scans[before + 1..].iter().all(|saved| saved.scan.after_gap == 0));
     drive.check_stream();
 }
 
@@ -204,14 +204,14 @@ fn packets_that_vanish_without_a_trace_are_a_gap_too() {
     drive.run(600 * MS);
     drive.quiet = false;
     drive.run(S);
-    let gaps: Vec<_> = drive.scans.iter().filter(|kept| kept.scan.after_gap == 1).map(|kept| kept.seq).collect();
+    let gaps: Vec<_> = drive.scans.iter().filter(|saved| saved.scan.after_gap == 1).map(|saved| saved.seq).collect();
     assert_eq!(gaps, [before as u64 + 1]);
     assert!((drive.pose_x_m() - 0.03 * (drive.scans.len() + 6 - 1) as f64).abs() < 1e-3, "{}", drive.pose_x_m());
     drive.check_stream();
 }
 
 #[test]
-fn a_robot_switched_off_and_on_while_its_adapter_was_out_starts_its_counters_anew() {
+fn a_robot_restarted_without_its_adapter_counts_anew() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(5 * S);
     let (before, pose) = (drive.scans.len(), drive.pose_x_m());
@@ -243,34 +243,34 @@ fn a_robot_switched_off_and_on_is_noticed_by_its_echo() {
 fn a_killed_driver_takes_up_the_session() {
     let mut drive = Drive::new(Robot { baud: 38400, ..Robot::pioneer_1() });
     drive.run(6 * S);
-    let kept = *drive.scans.last().unwrap();
+    let saved = *drive.scans.last().unwrap();
     // Half a second later another process has started. The robot was never closed.
     let mut robot = drive.robot;
     let later_ns = drive.now_ns + 500 * MS;
     robot.speak(later_ns);
-    robot.heard.clear();
-    let mut next = Drive::going_on(robot, Some(kept), later_ns);
+    robot.received.clear();
+    let mut next = Drive::going_on(robot, Some(saved), later_ns);
     next.run(3 * S);
     assert!(matches!(&next.events[..], [Event::Resumed { baud: 38400, .. }]), "{:?}", next.events);
-    assert!(next.robot.heard.iter().all(|&heard| heard == number::PULSE), "no handshake: {:?}", next.robot.heard);
+    assert!(next.robot.received.iter().all(|&received| received == number::PULSE), "no handshake: {:?}", next.robot.received);
     let first = next.scans[0];
-    assert_eq!((first.seq, first.scan.after_gap), (kept.seq + 1, 1));
-    assert!((first.scan.pose.x_m - kept.scan.pose.x_m - 0.18).abs() < 1e-3, "what the robot drove meanwhile is not lost");
-    assert!((next.pose_x_m() - 0.03 * (next.scans.len() as f64 + 5.0) - kept.scan.pose.x_m).abs() < 1e-3);
+    assert_eq!((first.seq, first.scan.after_gap), (saved.seq + 1, 1));
+    assert!((first.scan.pose.x_m - saved.scan.pose.x_m - 0.18).abs() < 1e-3, "what the robot drove meanwhile is not lost");
+    assert!((next.pose_x_m() - 0.03 * (next.scans.len() as f64 + 5.0) - saved.scan.pose.x_m).abs() < 1e-3);
     next.check_stream();
 }
 
 #[test]
-fn a_checkpoint_is_no_excuse_for_a_robot_that_was_closed_meanwhile() {
+fn a_robot_closed_since_the_checkpoint_is_opened_again() {
     let mut drive = Drive::new(Robot::pioneer_1());
     drive.run(4 * S);
-    let kept = *drive.scans.last().unwrap();
-    let mut next = Drive::going_on(Robot { x_m: 77.7, ..Robot::pioneer_1() }, Some(kept), drive.now_ns + S);
+    let saved = *drive.scans.last().unwrap();
+    let mut next = Drive::going_on(Robot { x_m: 77.7, ..Robot::pioneer_1() }, Some(saved), drive.now_ns + S);
     next.run(4 * S);
     assert!(matches!(&next.events[..], [Event::Connected { .. }, Event::PoseDoubtful { .. }]), "{:?}", next.events);
     let first = next.scans[0];
-    assert_eq!((first.seq, first.scan.after_gap, first.scan.pose), (kept.seq + 1, AFTER_DOUBT, kept.scan.pose));
-    assert!(first.stamp_ns > kept.stamp_ns);
+    assert_eq!((first.seq, first.scan.after_gap, first.scan.pose), (saved.seq + 1, AFTER_DOUBT, saved.scan.pose));
+    assert!(first.stamp_ns > saved.stamp_ns);
     next.check_stream();
 }
 
@@ -287,7 +287,7 @@ fn lost_answers_cost_time_only() {
             if answers - 1 == lost { Vec::new() } else { bytes }
         });
         drive.run(12 * S);
-        assert_eq!(drive.scans.last().map(|kept| kept.scan.count), Some(1), "lost {lost}: {:?}", drive.events);
+        assert_eq!(drive.scans.last().map(|saved| saved.scan.count), Some(1), "lost {lost}: {:?}", drive.events);
     }
 }
 
@@ -300,7 +300,7 @@ fn an_open_that_is_lost_is_sent_again() {
 }
 
 #[test]
-fn limits_too_low_for_the_robot_are_said_and_do_not_fill_the_log() {
+fn limits_too_low_for_the_robot_are_reported_seldom() {
     let mut drive = Drive::new(Robot::p3_dx());
     drive.run(2 * S);
     let before = drive.scans.len();
@@ -320,7 +320,7 @@ fn stopping_closes_the_robot() {
     let scans = drive.scans.len();
     drive.step(Input::Stop);
     assert!(!drive.robot.open);
-    assert_eq!(drive.robot.heard.last(), Some(&number::CLOSE));
+    assert_eq!(drive.robot.received.last(), Some(&number::CLOSE));
     drive.run(3 * S);
     assert_eq!(drive.scans.len(), scans);
 }

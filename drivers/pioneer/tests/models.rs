@@ -37,8 +37,11 @@ fn all_readings_of_a_large_ring_are_published() {
     drive.run(3 * S);
     drive.check_stream();
     let scans = &drive.scans[drive.scans.len() - 2..];
-    let ranges: Vec<_> =
-        scans.iter().flat_map(|kept| kept.scan.readings()).map(|reading| (reading.sonar, (1e3 * reading.range_m).round() as u32)).collect();
+    let ranges: Vec<_> = scans
+        .iter()
+        .flat_map(|saved| saved.scan.readings())
+        .map(|reading| (reading.sonar, (1e3 * reading.range_m).round() as u32))
+        .collect();
     assert_eq!(ranges, (0..32).map(|sonar| (sonar, 1000 + sonar)).collect::<Vec<_>>());
     assert_eq!(scans[0].scan.pose, scans[1].scan.pose);
 }

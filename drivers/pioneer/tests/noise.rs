@@ -90,7 +90,7 @@ fn a_drive_through_noise_stays_connected_and_says_gaps() {
     assert_eq!(drive.session.reconnects(), 0);
     let way_m = drive.robot.x_m - start_m;
     assert!((drive.pose_x_m() - way_m).abs() < 0.2, "{} of {way_m} m", drive.pose_x_m());
-    let gaps = drive.scans.iter().filter(|kept| kept.scan.after_gap == 1).count();
+    let gaps = drive.scans.iter().filter(|saved| saved.scan.after_gap == 1).count();
     assert!(gaps > 300, "{gaps}");
     let link = drive.session.link();
     assert!(link.bad_checksums > 500 && link.skipped_bytes > 10_000, "{link:?}");
@@ -108,7 +108,7 @@ fn after_the_noise_everything_is_as_before() {
     drive.run(5 * S);
     assert_eq!(drive.scans.len(), before + 50);
     assert_eq!(drive.scans[before].scan.after_gap, AFTER_DOUBT, "3 s are more than the counters of this robot bridge for sure");
-    assert!(drive.scans[before + 1..].iter().all(|kept| kept.scan.after_gap == 0));
+    assert!(drive.scans[before + 1..].iter().all(|saved| saved.scan.after_gap == 0));
     let way_m = 0.03 * (drive.scans.len() + 30 - 1) as f64;
     assert!((drive.pose_x_m() - way_m).abs() < 1e-3, "what was driven in the noise is not lost: {} of {way_m} m", drive.pose_x_m());
 }
@@ -131,7 +131,7 @@ proptest! {
             for input in [Input::Bytes(bytes), Input::Tick, Input::Bytes(&good[..good.len().min(200)]), Input::Tick] {
                 for output in session.step(input, now_ns) {
                     match output {
-                        Output::Publish(kept) => prop_assert!(kept.scan.validate().is_ok()),
+                        Output::Publish(saved) => prop_assert!(saved.scan.validate().is_ok()),
                         Output::Event(event) => prop_assert!(!event.to_string().is_empty()),
                         Output::Reopen => {
                             let _ = session.step(Input::Opened, now_ns);

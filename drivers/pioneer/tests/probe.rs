@@ -26,10 +26,10 @@ fn probed(mut device: Device) -> Result<Answer, ProbeError> {
     unlockpt(&line).unwrap();
     let path: PathBuf = Path::new(OsStr::from_bytes(ptsname(&line, Vec::new()).unwrap().to_bytes())).to_owned();
     // Held open and raw, so that nothing is echoed before the probe has opened it, nor the line hung up after it.
-    let held = std::fs::OpenOptions::new().read(true).write(true).open(&path).unwrap();
-    let mut mode = tcgetattr(&held).unwrap();
+    let client_end = std::fs::OpenOptions::new().read(true).write(true).open(&path).unwrap();
+    let mut mode = tcgetattr(&client_end).unwrap();
     mode.make_raw();
-    tcsetattr(&held, OptionalActions::Now, &mode).unwrap();
+    tcsetattr(&client_end, OptionalActions::Now, &mode).unwrap();
     let (done, end) = rustix::pipe::pipe().unwrap();
     let served = thread::Builder::new().name("device".to_owned()).spawn(move || serve(&line, &done, &mut device)).unwrap();
     let quick = Parameters { echo_ns: 600 * MS, closing_ns: 100 * MS, bauds: vec![9600, 38400], ..Parameters::default() };
@@ -56,13 +56,13 @@ fn serve(line: &OwnedFd, done: &OwnedFd, device: &mut Device) {
     }
 }
 
-/// A robot that is deaf to its first so many packets.
-fn robot(robot: Robot, deaf_to: usize) -> Device {
-    let (mut robot, mut heard) = (robot, 0);
+/// A robot that is unresponsive to its first so many packets.
+fn robot(robot: Robot, misses: usize) -> Device {
+    let (mut robot, mut received) = (robot, 0);
     Box::new(move |bytes, now_ns| {
         let packets = psos::Deframer::new().push(bytes);
-        heard += packets.len();
-        let mut said = if heard > deaf_to { robot.hear(bytes, robot.baud, now_ns) } else { Vec::new() };
+        received += packets.len();
+        let mut said = if received > misses { robot.receive(bytes, robot.baud, now_ns) } else { Vec::new() };
         robot.next_sip_ns = robot.next_sip_ns.max(now_ns.saturating_sub(100 * MS));
         said.extend(robot.speak(now_ns));
         said

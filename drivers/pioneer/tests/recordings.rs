@@ -126,8 +126,8 @@ fn a_session_fed_in_pieces_of_any_length_gives_the_same_scans() {
             // As if the line carried 930 bytes a second: fifteen packets, so that the one long packet makes no gap.
             now_ns += piece.len() as u64 * 1_000_000_000 / 930;
             for output in session.step(Input::Bytes(piece), now_ns) {
-                if let Output::Publish(kept) = output {
-                    scans.push(kept.scan);
+                if let Output::Publish(saved) = output {
+                    scans.push(saved.scan);
                 }
             }
         }

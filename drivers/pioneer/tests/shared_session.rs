@@ -4,7 +4,7 @@
 mod support;
 
 use psos::{Command, Identity, Sip, number};
-use stillmap_pioneer::{ClientRefusal, Event, Input, Parameters};
+use stillmap_pioneer::{Event, Input, NotForwarded, Parameters};
 use support::{Drive, MS, Robot, S};
 
 /// A robot whose counters start at zero when it is opened, at rest, with a driver that is connected.
@@ -88,7 +88,7 @@ fn a_client_that_closes_the_robot_leaves_it_to_the_driver() {
 }
 
 #[test]
-fn a_client_that_dies_is_followed_by_close_once_the_robot_stands() {
+fn after_a_dead_client_the_robot_is_closed_once_it_stands() {
     let mut drive = connected();
     connect_client(&mut drive);
     drive.robot.m_per_cycle = 0.03;
@@ -201,12 +201,12 @@ fn seto_of_a_client_moves_no_pose() {
 fn a_change_of_the_lines_speed_is_not_forwarded() {
     let mut drive = connected();
     let hostbaud = Command::int(number::HOSTBAUD, 2).encode().unwrap();
-    let heard = drive.robot.heard.len();
+    let received = drive.robot.received.len();
     for _ in 0..9 {
         drive.step(Input::Client(&hostbaud[3..hostbaud.len() - 2]));
     }
-    assert_eq!(drive.robot.heard.len(), heard);
-    let reported = drive.events.iter().filter(|it| matches!(it, Event::ClientRefused { why: ClientRefusal::Speed, .. })).count();
+    assert_eq!(drive.robot.received.len(), received);
+    let reported = drive.events.iter().filter(|it| matches!(it, Event::ClientRefused { why: NotForwarded::Speed, .. })).count();
     assert_eq!((reported, drive.session.client_commands()), (4, (0, 9)), "for the 1st, 2nd, 4th and 8th");
 }
 
@@ -217,7 +217,7 @@ fn without_a_robot_nothing_is_forwarded() {
     drive.run(10 * S);
     drive.events.clear();
     drive.client(number::SYNC0);
-    assert!(matches!(&drive.events[..], [Event::ClientRefused { why: ClientRefusal::NotConnected, .. }]), "{:?}", drive.events);
+    assert!(matches!(&drive.events[..], [Event::ClientRefused { why: NotForwarded::NotConnected, .. }]), "{:?}", drive.events);
     drive.quiet = false;
     drive.run(10 * S);
     drive.client_packets();
@@ -255,11 +255,11 @@ fn a_connection_that_ends_with_close_is_the_clients_again() {
 #[test]
 fn a_silent_connection_in_the_network_is_made_anew() {
     let parameters = Parameters { bauds: Vec::new(), ..Parameters::default() };
-    let mut drive = Drive::with(Robot { baud: 0, deaf: true, ..Robot::pioneer_1() }, parameters, None, 1000 * S);
+    let mut drive = Drive::with(Robot { baud: 0, unresponsive: true, ..Robot::pioneer_1() }, parameters, None, 1000 * S);
     drive.run(20 * S);
     let syncs = commands(&drive).iter().filter(|&&number| number == number::SYNC0).count();
     assert!((14..=16).contains(&syncs), "{syncs}");
-    drive.robot.deaf = false;
+    drive.robot.unresponsive = false;
     drive.run(10 * S);
     assert!(drive.robot.open);
     assert!(drive.session.note("tcp://x:8101").starts_with("pioneer-1, battery"), "{}", drive.session.note("tcp://x:8101"));

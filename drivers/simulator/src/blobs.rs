@@ -2,7 +2,7 @@
 //!
 //! A walker is a silhouette between its outermost columns, from its head to its nearer foot. Walls hide it, other walkers
 //! merge with it, the picture cuts it, and it fades when the walker stands. Blobs are missed, fall to pieces and appear where
-//! nobody is. The camera is not quite what the robot takes it for.
+//! no walker is. The camera is not quite what the robot takes it for.
 
 use messages::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, Pose};
 use rand::RngExt;
@@ -22,7 +22,7 @@ const HEIGHT_M: f64 = 1.7;
 const HALF_WIDTH_M: f64 = 0.22;
 /// Radius of a trousered shin, m.
 const LEG_M: f64 = 0.07;
-/// Nearer than this a walker covers the lens, farther he is too small for a blob, m.
+/// Nearer than this a walker covers the lens, farther the walker is too small for a blob, m.
 const DEPTHS_M: std::ops::Range<f64> = 0.25..8.0;
 /// Columns of a silhouette that are looked at one by one.
 const COLUMNS: u32 = 9;
@@ -153,7 +153,7 @@ impl Blobs {
         let mut chance = of_frame(self.seed, self.frames);
         let mut silhouettes = self.silhouettes(time_s);
         silhouettes.retain(|_| chance.random::<f64>() >= self.failings.missed);
-        let mut pieces: Vec<Silhouette> = merged(silhouettes).into_iter().flat_map(|whole| self.broken(whole, &mut chance)).collect();
+        let mut pieces: Vec<Silhouette> = merged(silhouettes).into_iter().flat_map(|entire| self.broken(entire, &mut chance)).collect();
         self.haunt(&mut chance);
         pieces.extend(self.spurious.iter().map(|(_, silhouette)| *silhouette));
         let jittered = pieces.into_iter().map(|piece| piece.jittered(self.failings.edge_px, &mut chance));
@@ -202,17 +202,17 @@ impl Blobs {
     }
 
     /// The pieces that a silhouette falls to.
-    fn broken(&self, whole: Silhouette, chance: &mut ChaCha8Rng) -> Vec<Silhouette> {
+    fn broken(&self, entire: Silhouette, chance: &mut ChaCha8Rng) -> Vec<Silhouette> {
         if chance.random::<f64>() >= self.failings.fragments {
-            return vec![whole];
+            return vec![entire];
         }
         let share = 0.3 + 0.4 * chance.random::<f64>();
-        let row = whole.top.max(0.0) + share * (whole.bottom.min(self.size_px[1]) - whole.top.max(0.0));
-        let column = whole.left + share * (whole.right - whole.left);
-        let upper = Silhouette { bottom: row - 1.0, ..whole };
+        let row = entire.top.max(0.0) + share * (entire.bottom.min(self.size_px[1]) - entire.top.max(0.0));
+        let column = entire.left + share * (entire.right - entire.left);
+        let upper = Silhouette { bottom: row - 1.0, ..entire };
         match (chance.random::<f64>() * 3.0) as u32 {
-            0 => vec![upper, Silhouette { top: row + 1.0, ..whole }],
-            1 => vec![Silhouette { right: column - 1.0, ..whole }, Silhouette { left: column + 1.0, ..whole }],
+            0 => vec![upper, Silhouette { top: row + 1.0, ..entire }],
+            1 => vec![Silhouette { right: column - 1.0, ..entire }, Silhouette { left: column + 1.0, ..entire }],
             _ => vec![upper],
         }
     }
@@ -318,7 +318,7 @@ mod tests {
         interval_ns: 66_666_667,
     };
 
-    /// The frames of a robot that stands for ten seconds and looks along x, past this wall, at somebody on this way.
+    /// The frames of a robot that stands for ten seconds and looks along x, past this wall, at a walker on this path.
     fn frames(wall: &str, walker: &str, failings: &Failings, seed: u64) -> Vec<CameraMotion> {
         let text = format!("wall = [{wall}]\nwalker = [{walker}]\n[robot]\nstart_m = [0, 0]\nway = [{{ to_m = [0, 0], stop_s = 9 }}]\n");
         let mut blobs = Blobs::new(&document::parse("test", &text).unwrap(), &OPTICS, failings, seed);
@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn a_walker_is_where_geometry_puts_him() {
         let frames = frames("", CROSSES, &Failings::NONE, 1);
-        // After 75 frames, 5 s, he is straight ahead at 2 m: f = 80 px, feet at 60 + 80 · 0.3 / 1.93 at most a step nearer.
+        // After 75 frames, 5 s, the walker is straight ahead at 2 m: f = 80 px, feet at 60 + 80 · 0.3 / 1.93 at most a step nearer.
         let blob = frames[74].blobs()[0];
         assert!((f64::from(blob.u_px) - 80.0).abs() <= 1.0, "{blob:?}");
         assert_eq!((blob.top_px, blob.right_px - blob.left_px), (4, 18));

@@ -1,5 +1,5 @@
 //! Everything random: one stream of numbers for each ping and each step, so that the world can be taken up at any place and
-//! gives the same numbers whoever walks through it.
+//! gives the same numbers for any walker.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -23,7 +23,7 @@ pub(crate) struct PingChance {
     pub(crate) mirrored: f64,
     /// In [0, 1), for crosstalk.
     pub(crate) crosstalk: f64,
-    /// In [0, 1): the share of the hearing limit at which crosstalk comes in.
+    /// In [0, 1): the share of the acoustics limit at which crosstalk comes in.
     pub(crate) crosstalk_range: f64,
     /// Normally distributed with variance 1.
     pub(crate) noise: f64,

@@ -24,7 +24,7 @@ impl World {
             return Err(Fault::new("wall", format!("a world of at most {MAX_PIECES} pieces of surface, found {pieces}")));
         }
         let mut from = self.robot.start_m.vector();
-        for (index, goal) in self.robot.way.iter().enumerate() {
+        for (index, goal) in self.robot.path.iter().enumerate() {
             let leg = Segment { from, to: goal.to_m.vector() };
             let through_pillar = |pillar: &Pillar| leg.distance_m(&pillar.centre_m.vector()) <= pillar.radius_m.get();
             if faces.iter().any(|face| leg.crosses(&face.segment)) || self.pillars.iter().any(through_pillar) {

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_meets_a_segment_at_its_distance_with_the_normal_towards_it() {
+    fn a_ray_meets_a_segment_with_the_normal_towards_it() {
         let wall = Segment { from: Vector::new(2.0, -1.0), to: Vector::new(2.0, 1.0) };
         let meeting = ray(0.0, 0.0, 0.0).meets_segment(&wall).unwrap();
         assert!((meeting.distance_m - 2.0).abs() < 1e-12);
@@ -164,10 +164,10 @@ mod tests {
 
     #[test]
     fn pieces_cross_where_they_share_a_place() {
-        let way = Segment { from: Vector::new(0.0, 0.0), to: Vector::new(2.0, 0.0) };
+        let path = Segment { from: Vector::new(0.0, 0.0), to: Vector::new(2.0, 0.0) };
         let across = |x: f64| Segment { from: Vector::new(x, -1.0), to: Vector::new(x, 1.0) };
-        assert!(way.crosses(&across(1.0)));
-        assert!(!way.crosses(&across(3.0)));
+        assert!(path.crosses(&across(1.0)));
+        assert!(!path.crosses(&across(3.0)));
         assert!((across(3.0).distance_m(&Vector::new(2.0, 2.0)) - 2f64.sqrt()).abs() < 1e-12);
     }
 }

@@ -108,34 +108,34 @@ impl Journey {
         let [x_m, y_m] = robot.start_m.get();
         let start = Pose { x_m, y_m, yaw_rad: robot.heading_deg.get().to_radians() };
         let turning = Turning::OnTheSpot(robot.turn_deg_s.get().to_radians());
-        let waypoints: Vec<Waypoint> = robot.way.iter().map(Waypoint::from).collect();
+        let waypoints: Vec<Waypoint> = robot.path.iter().map(Waypoint::from).collect();
         Self::new(STANDSTILL_NS as f64 * 1e-9, start, robot.speed_m_s.get(), turning, &waypoints)
     }
 
     /// From `start` at `start_s` through every waypoint, at a constant speed in m/s.
     pub(crate) fn new(start_s: f64, start: Pose, speed_m_s: f64, turning: Turning, waypoints: &[Waypoint]) -> Self {
-        let mut way = Builder { clock_s: start_s, at: start, covered_m: 0.0, stages: Vec::new() };
+        let mut path = Builder { clock_s: start_s, at: start, covered_m: 0.0, stages: Vec::new() };
         let mut stands_m = vec![0.0];
         for waypoint in waypoints {
-            let onward = waypoint.place - Vector::new(way.at.x_m, way.at.y_m);
+            let onward = waypoint.place - Vector::new(path.at.x_m, path.at.y_m);
             let distance_m = onward.norm();
             if distance_m > 0.0 {
-                let turn_rad = wrapped(angle(&onward) - way.at.yaw_rad);
+                let turn_rad = wrapped(angle(&onward) - path.at.yaw_rad);
                 match turning {
-                    Turning::OnTheSpot(rate) => way.stage(turn_rad.abs() / rate, 0.0, rate.copysign(turn_rad)),
-                    Turning::AtOnce => way.at.yaw_rad += turn_rad,
+                    Turning::OnTheSpot(rate) => path.stage(turn_rad.abs() / rate, 0.0, rate.copysign(turn_rad)),
+                    Turning::AtOnce => path.at.yaw_rad += turn_rad,
                 }
-                way.stage(distance_m / speed_m_s, speed_m_s, 0.0);
+                path.stage(distance_m / speed_m_s, speed_m_s, 0.0);
                 // The waypoint itself, so that rounding does not add up along the way.
-                (way.at.x_m, way.at.y_m) = (waypoint.place.x, waypoint.place.y);
+                (path.at.x_m, path.at.y_m) = (waypoint.place.x, waypoint.place.y);
             }
             if waypoint.stop_s > 0.0 {
-                way.stage(waypoint.stop_s, 0.0, 0.0);
-                stands_m.push(way.covered_m);
+                path.stage(waypoint.stop_s, 0.0, 0.0);
+                stands_m.push(path.covered_m);
             }
         }
-        stands_m.push(way.covered_m);
-        Self { start_s, start, stages: way.stages, stands_m }
+        stands_m.push(path.covered_m);
+        Self { start_s, start, stages: path.stages, stands_m }
     }
 
     /// When it begins, s.
@@ -194,8 +194,8 @@ mod tests {
 
     #[test]
     fn it_drives_stops_turns_and_drives_on() {
-        let way = [waypoint(2.0, 0.0, 3.0), waypoint(2.0, 1.0, 0.0)];
-        let journey = Journey::new(0.0, Pose::default(), 0.5, Turning::OnTheSpot(FRAC_PI_2), &way);
+        let path = [waypoint(2.0, 0.0, 3.0), waypoint(2.0, 1.0, 0.0)];
+        let journey = Journey::new(0.0, Pose::default(), 0.5, Turning::OnTheSpot(FRAC_PI_2), &path);
         near(journey.at(2.0), 1.0, 0.0, 0.0);
         near(journey.at(5.0), 2.0, 0.0, 0.0);
         near(journey.at(7.5), 2.0, 0.0, FRAC_PI_2 / 2.0);
@@ -208,16 +208,16 @@ mod tests {
 
     #[test]
     fn it_turns_the_short_way() {
-        let way = [waypoint(0.0, -1.0, 0.0)];
-        let journey = Journey::new(0.0, Pose::default(), 1.0, Turning::OnTheSpot(1.0), &way);
+        let path = [waypoint(0.0, -1.0, 0.0)];
+        let journey = Journey::new(0.0, Pose::default(), 1.0, Turning::OnTheSpot(1.0), &path);
         assert!(journey.at(0.5).turn_rad_s < 0.0);
         near(journey.at(FRAC_PI_2 + 0.5), 0.0, -0.5, -FRAC_PI_2);
     }
 
     #[test]
     fn way_from_the_nearest_stand() {
-        let way = [waypoint(2.0, 0.0, 1.0), waypoint(5.0, 0.0, 0.0)];
-        let journey = Journey::new(4.0, Pose::default(), 1.0, Turning::AtOnce, &way);
+        let path = [waypoint(2.0, 0.0, 1.0), waypoint(5.0, 0.0, 0.0)];
+        let journey = Journey::new(4.0, Pose::default(), 1.0, Turning::AtOnce, &path);
         for (time_s, expected_m) in [(0.0, 0.0), (4.5, 0.5), (5.5, 0.5), (6.5, 0.0), (8.5, 1.5), (9.5, 0.5), (11.0, 0.0)] {
             assert!((journey.at(time_s).to_stand_m - expected_m).abs() < 1e-9, "{time_s}");
         }

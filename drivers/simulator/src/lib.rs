@@ -9,7 +9,7 @@
 //!
 //! All but the terminal is pure. The drive is a function of world, robot and seed: where anything is, is a function of time, and
 //! each ping has random numbers of its own. So a drive is the same however often it is stopped and taken up, and the same walls
-//! sound the same whoever walks before them.
+//! sound the same for any walker.
 //!
 //! Terms: the *world's frame* is that of the file; odometry is told in the frame of the robot's start, the map's origin.
 //! Sound is flat: everything stands as high as the sonars.

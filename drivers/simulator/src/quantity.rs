@@ -45,7 +45,7 @@ quantities! {
     /// Half the opening angle of a sonar's beam.
     HalfBeam: 1.0..=45.0, "1 to 45 deg", default 12.5;
     /// Farthest echo that the robot hears.
-    HearingLimit: 0.5..=10.0, "0.5 to 10 m", default 5.0;
+    EchoLimit: 0.5..=10.0, "0.5 to 10 m", default 5.0;
     /// Nearest range: the transducer still rings, so that what is nearer reads as this.
     BlindRange: 0.0..=1.0, "0 to 1 m", default 0.15;
     /// Spread of a range (one standard deviation).
@@ -96,9 +96,9 @@ quantities! {
 
 /// A place in the world's frame, `[x, y]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place([Coordinate; 2]);
+pub struct Position([Coordinate; 2]);
 
-impl Place {
+impl Position {
     /// A place; `None` beyond a kilometre.
     #[must_use]
     pub fn new(x_m: f64, y_m: f64) -> Option<Self> {
@@ -116,7 +116,7 @@ impl Place {
     }
 }
 
-impl<'de> Deserialize<'de> for Place {
+impl<'de> Deserialize<'de> for Position {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         <[Coordinate; 2]>::deserialize(deserializer).map(Self)
     }

@@ -6,7 +6,7 @@ use crate::body::Body;
 use crate::chance::{self, PingChance};
 use crate::journey::Journey;
 use crate::odometry::Odometry;
-use crate::sonar::{Echo, Hearing, Leg, Source};
+use crate::sonar::{Acoustics, Echo, Leg, Source};
 use crate::still::Still;
 use crate::walker::Walker;
 use crate::world::{MAX_WALKERS, World};
@@ -51,7 +51,7 @@ pub struct Simulation {
     seed: u64,
     still: Still,
     walkers: Vec<Walker>,
-    hearing: Hearing,
+    acoustics: Acoustics,
     journey: Journey,
     start: Pose,
     odometry: Odometry,
@@ -68,7 +68,7 @@ impl Simulation {
         Self {
             still: Still::of(world),
             walkers: world.walkers.iter().take(MAX_WALKERS).map(Walker::new).collect(),
-            hearing: Hearing::new(&world.sonar, &world.surfaces),
+            acoustics: Acoustics::new(&world.sonar, &world.surfaces),
             journey,
             odometry: Odometry::new(world.odometry, start),
             world: world.clone(),
@@ -146,7 +146,7 @@ impl Simulation {
         chunks.collect()
     }
 
-    /// Time goes on to the next packet; the robot by odometry.
+    /// Time advances to the next packet, and the odometry with it.
     fn step(&mut self) -> Pose {
         self.packets += 1;
         let now = self.journey.at(seconds(self.packets * PACKET_INTERVAL_NS)).pose;
@@ -161,7 +161,7 @@ impl Simulation {
         let sonar = self.journey.at(time_s).pose.then(mount);
         let chance = PingChance::of(self.seed, ping);
         let mirrored = chance.mirrored < self.world.sonar.mirrored.get();
-        let echo = self.hearing.first_echo(&self.still, &self.legs(time_s), &sonar, mirrored);
+        let echo = self.acoustics.first_echo(&self.still, &self.legs(time_s), &sonar, mirrored);
         Some(self.reading(index as u32, echo, &chance))
     }
 
@@ -169,7 +169,7 @@ impl Simulation {
     fn reading(&self, sonar: u32, echo: Option<Echo>, chance: &PingChance) -> TrueReading {
         let rules = &self.world.sonar;
         let limit_m = rules.limit_m.get();
-        let heard = echo.filter(|_| chance.missed >= rules.missed.get()).map(|echo| {
+        let nearest = echo.filter(|_| chance.missed >= rules.missed.get()).map(|echo| {
             let spread_m = rules.noise_m.get() + rules.noise_share.get() * echo.range_m;
             let (label, walker) = match echo.source {
                 Source::Still => (EchoLabel::Still, 0),
@@ -179,7 +179,7 @@ impl Simulation {
             ((echo.range_m + spread_m * chance.noise).max(rules.blind_m.get()), label, walker)
         });
         let crosstalk_m = rules.blind_m.get() + chance.crosstalk_range * (limit_m - rules.blind_m.get());
-        let (range_m, label, walker) = match heard {
+        let (range_m, label, walker) = match nearest {
             Some((range_m, ..)) if chance.crosstalk < rules.crosstalk.get() && crosstalk_m < range_m => {
                 (crosstalk_m, EchoLabel::Crosstalk, 0)
             }

@@ -3,9 +3,9 @@
 //! A ping goes out in a cone. What comes back first is what the sonar reports:
 //!
 //! - a face that a ray meets within its critical angle of incidence echoes; beyond it a rough face is silent and a smooth one
-//!   is a mirror: the ray goes on, and what it meets then echoes by the same way, at the length of the whole way;
+//!   is a mirror: the ray continues, and what it meets then echoes along the same path, at its length;
 //! - a round thing echoes from the side that faces the sonar;
-//! - a corner sends sound straight back, an edge bends a little of it back, heard only near by.
+//! - a corner sends sound straight back, an edge bends a little of it back, nearest only near by.
 
 use messages::Pose;
 
@@ -46,9 +46,9 @@ pub(crate) struct Echo {
     pub(crate) source: Source,
 }
 
-/// How the sonars hear, in radians and metres.
+/// How the sonars echoes_of, in radians and metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Hearing {
+pub(crate) struct Acoustics {
     half_beam_rad: f64,
     limit_m: f64,
     edge_limit_m: f64,
@@ -56,7 +56,7 @@ pub(crate) struct Hearing {
     rough_critical_rad: f64,
 }
 
-impl Hearing {
+impl Acoustics {
     pub(crate) fn new(sonar: &world::Sonar, surfaces: &world::Surfaces) -> Self {
         Self {
             half_beam_rad: sonar.half_beam_deg.get().to_radians(),
@@ -68,7 +68,7 @@ impl Hearing {
     }
 
     /// The first echo of a ping from `sonar` (in the world's frame), nearer than the limit; `mirrored`: echoes by way of mirrors
-    /// are strong enough to be heard.
+    /// are strong enough to be nearest.
     pub(crate) fn first_echo(&self, still: &Still, legs: &[Leg], sonar: &Pose, mirrored: bool) -> Option<Echo> {
         let scene = Scene::around(still, legs, Vector::new(sonar.x_m, sonar.y_m), self.limit_m);
         let beam = (0..RAYS).map(|ray| {
@@ -79,12 +79,12 @@ impl Hearing {
         let by_round = scene.rounds().filter_map(|(circle, target)| self.facing_side(&scene, sonar, circle, target));
         let by_joint = still.joints.iter().filter_map(|joint| {
             let range_m = self.visible_point(&scene, sonar, &joint.place)?;
-            let heard = match joint.seen_from(&scene.sonar) {
+            let nearest = match joint.seen_from(&scene.sonar) {
                 JointKind::Corner => true,
                 JointKind::Edge => range_m <= self.edge_limit_m,
                 JointKind::Flat => false,
             };
-            heard.then_some(Echo { range_m, source: Source::Still })
+            nearest.then_some(Echo { range_m, source: Source::Still })
         });
         by_ray.chain(by_round).chain(by_joint).filter(|echo| echo.range_m < self.limit_m).min_by(|a, b| a.range_m.total_cmp(&b.range_m))
     }
@@ -208,21 +208,21 @@ mod tests {
 
     const LOOK_EAST: Pose = Pose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
 
-    fn hear(world: &str, legs: &[Leg], sonar: Pose, mirrored: bool) -> Option<Echo> {
+    fn echoes_of(world: &str, legs: &[Leg], sonar: Pose, mirrored: bool) -> Option<Echo> {
         let world: World = World::parse("test", &format!("robot = {{ start_m = [0, 0], way = [] }}\n{world}")).unwrap();
-        Hearing::new(&world.sonar, &world.surfaces).first_echo(&Still::of(&world), legs, &sonar, mirrored)
+        Acoustics::new(&world.sonar, &world.surfaces).first_echo(&Still::of(&world), legs, &sonar, mirrored)
     }
 
     #[track_caller]
     fn check(world: &str, sonar: Pose, mirrored: bool, expect: Option<(f64, Source)>) {
-        let heard = hear(world, &[], sonar, mirrored);
-        match (heard, expect) {
+        let nearest = echoes_of(world, &[], sonar, mirrored);
+        match (nearest, expect) {
             (None, None) => {}
             (Some(echo), Some((range_m, source))) => {
                 assert!((echo.range_m - range_m).abs() < 1e-3, "{echo:?}, expected {range_m}");
                 assert_eq!(echo.source, source);
             }
-            _ => panic!("{heard:?}, expected {expect:?}"),
+            _ => panic!("{nearest:?}, expected {expect:?}"),
         }
     }
 
@@ -233,14 +233,14 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_within_the_critical_angle_is_at_the_nearest_ray_that_meets_it() {
+    fn a_wall_within_the_critical_angle_echoes_its_nearest_ray() {
         // Turned by 20°: its foot is outside the beam of 12.5°, the ray nearest to it meets it at 7.5° of incidence.
         let sonar = Pose { yaw_rad: 20f64.to_radians(), ..LOOK_EAST };
         check("wall = [{ along_m = [[2, -3], [2, 3]] }]", sonar, false, Some((2.0 / 7.5f64.to_radians().cos(), Source::Still)));
     }
 
     #[test]
-    fn a_smooth_wall_beyond_the_critical_angle_is_silent_and_a_rough_one_is_not() {
+    fn beyond_the_critical_angle_only_a_rough_wall_echoes() {
         let sonar = Pose { yaw_rad: 45f64.to_radians(), ..LOOK_EAST };
         check("wall = [{ along_m = [[1, -3], [1, 9]] }]", sonar, true, None);
         let nearest = 1.0 / 32.5f64.to_radians().cos();
@@ -248,17 +248,17 @@ mod tests {
     }
 
     #[test]
-    fn a_mirror_shows_what_stands_beside_it_at_the_length_of_the_whole_way() {
+    fn a_mirror_shows_an_object_at_the_length_of_the_folded_path() {
         // The mirror stands at 45° to the axis, one metre ahead; the rough wall one metre above the axis.
         let world = "wall = [{ along_m = [[0.5, -0.5], [1.5, 0.5]] }, { along_m = [[-2, 1.2], [4, 1.2]], surface = 'rough' }]";
         check(world, LOOK_EAST, false, None);
-        let echo = hear(world, &[], LOOK_EAST, true).unwrap();
+        let echo = echoes_of(world, &[], LOOK_EAST, true).unwrap();
         assert_eq!(echo.source, Source::Mirrored(None));
         assert!((echo.range_m - 2.2).abs() < 0.1, "{echo:?}");
     }
 
     #[test]
-    fn a_corner_is_heard_although_both_its_walls_are_too_oblique() {
+    fn a_corner_of_two_oblique_walls_echoes() {
         let world = "wall = [{ along_m = [[2, 0], [1, 1]] }, { along_m = [[2, 0], [1, -1]] }]";
         check(world, LOOK_EAST, false, Some((2.0, Source::Still)));
         let edge = "wall = [{ along_m = [[2, 0], [3, 1.8]] }, { along_m = [[2, 0], [3, -1.8]] }]\nsonar = { edge_limit_m = 1.9 }";
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pillar_is_heard_from_its_near_side_and_hides_what_is_behind() {
+    fn a_pillar_echoes_and_hides_what_is_behind() {
         check("pillar = [{ centre_m = [3, 0.2], radius_m = 0.3 }]", LOOK_EAST, false, Some(((9.04f64).sqrt() - 0.3, Source::Still)));
         let hidden = "pillar = [{ centre_m = [1.5, 0], radius_m = 0.6 }]\nwall = [{ along_m = [[2.5, -0.2], [2.5, 0.2]] }]";
         check(hidden, LOOK_EAST, false, Some((0.9, Source::Still)));
@@ -276,13 +276,13 @@ mod tests {
     #[test]
     fn a_leg_in_front_of_a_wall_is_the_walkers() {
         let leg = Leg { circle: Circle { centre: Vector::new(1.0, 0.0), radius_m: 0.1 }, walker: 3 };
-        let echo = hear("wall = [{ along_m = [[2, -3], [2, 3]] }]", &[leg], LOOK_EAST, false).unwrap();
+        let echo = echoes_of("wall = [{ along_m = [[2, -3], [2, 3]] }]", &[leg], LOOK_EAST, false).unwrap();
         assert_eq!(echo.source, Source::Walker(3));
         assert!((echo.range_m - 0.9).abs() < 1e-9);
     }
 
     #[test]
-    fn a_door_that_stands_back_is_heard_behind_its_wall() {
+    fn a_recessed_door_echoes_behind_its_wall() {
         let world = "wall = [{ along_m = [[4, 1], [-4, 1]], door = [{ at_m = 4, width_m = 1, recess_m = 0.25 }] }]";
         let north = |x_m| Pose { x_m, yaw_rad: std::f64::consts::FRAC_PI_2, ..LOOK_EAST };
         check(world, north(0.0), false, Some((1.25, Source::Still)));

@@ -43,7 +43,7 @@ pub(crate) enum JointKind {
     Corner,
     /// The end of a face, or a corner seen from outside: sound is bent around it, and a little comes back.
     Edge,
-    /// Next to nothing: the faces go on almost straight.
+    /// Next to nothing: the faces continue almost straight.
     Flat,
 }
 
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_right_angle_is_a_corner_from_inside_and_an_edge_from_outside() {
+    fn a_right_angle_is_a_corner_inside_and_an_edge_outside() {
         let faces = [face([0.0, 0.0], [2.0, 0.0]), face([2.0, 0.0], [2.0, 2.0])];
         check(&faces, [2.0, 0.0], [1.0, 1.0], JointKind::Corner);
         check(&faces, [2.0, 0.0], [3.0, -1.0], JointKind::Edge);
@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_that_goes_on_straight_has_no_joint_to_see() {
+    fn a_straight_continuation_has_no_joint() {
         let faces = [face([0.0, 0.0], [2.0, 0.0]), face([2.0, 0.0], [4.0, 0.2])];
         check(&faces, [2.0, 0.0], [2.0, 1.0], JointKind::Flat);
     }

@@ -12,7 +12,7 @@ const LEG_RADIUS_M: f64 = 0.07;
 /// Each leg's distance to the side of the body's middle, m.
 pub(crate) const HALF_STANCE_M: f64 = 0.09;
 
-/// Somebody on two legs.
+/// A person on two legs.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Walker {
     journey: Journey,
@@ -37,7 +37,7 @@ pub(crate) struct Stance {
 impl Walker {
     pub(crate) fn new(walker: &world::Walker) -> Self {
         let from = walker.from_m.vector();
-        let waypoints: Vec<Waypoint> = walker.way.iter().map(Waypoint::from).collect();
+        let waypoints: Vec<Waypoint> = walker.path.iter().map(Waypoint::from).collect();
         let onward = waypoints.first().map_or(Vector::zeros(), |first| first.place - from);
         let start = Pose { x_m: from.x, y_m: from.y, yaw_rad: angle(&onward) };
         let journey = Journey::new(walker.start_s.get(), start, walker.speed_m_s.get(), Turning::AtOnce, &waypoints);

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::geometry::{Segment, Vector};
-use crate::quantity::{AlongWall, BuiltLength, JambDepth, Place, Recess};
+use crate::quantity::{AlongWall, BuiltLength, JambDepth, Position, Recess};
 use crate::world::Surface;
 
 /// `[[wall]]`: a line of straight pieces with its doors.
@@ -22,7 +22,7 @@ pub struct Wall {
 #[serde(deny_unknown_fields, expecting = "a table")]
 struct WallTable {
     /// Its corners, at least two.
-    along_m: Vec<Place>,
+    along_m: Vec<Position>,
     /// How it reflects.
     #[serde(default)]
     surface: Surface,

@@ -8,8 +8,8 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::quantity::{
-    BlindRange, BuiltHeight, BuiltLength, Crosstalk, DriveSpeed, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander, HearingLimit,
-    Mirrored, Missed, Place, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
+    BlindRange, BuiltHeight, BuiltLength, Crosstalk, DriveSpeed, EchoLimit, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander,
+    Mirrored, Missed, Position, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
 };
 pub use crate::wall::Wall;
 
@@ -22,7 +22,7 @@ pub const MAX_WALKERS: usize = 16;
 pub struct World {
     /// `[robot]`: where it starts and how it drives.
     pub robot: Robot,
-    /// `[sonar]`: how the sonars hear.
+    /// `[sonar]`: how the sonars echoes_of.
     #[serde(default)]
     pub sonar: Sonar,
     /// `[odometry]`: how it errs.
@@ -60,7 +60,7 @@ impl World {
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Robot {
     /// Where it starts: the origin of the map.
-    pub start_m: Place,
+    pub start_m: Position,
     /// Which way it looks at the start.
     #[serde(default)]
     pub heading_deg: Heading,
@@ -71,7 +71,8 @@ pub struct Robot {
     #[serde(default)]
     pub turn_deg_s: TurnSpeed,
     /// `[[robot.way]]`: the places it drives to, in order.
-    pub way: Vec<Goal>,
+    #[serde(rename = "way")]
+    pub path: Vec<Goal>,
 }
 
 /// A place on a way, and how long to stand there.
@@ -79,20 +80,20 @@ pub struct Robot {
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Goal {
     /// The place.
-    pub to_m: Place,
+    pub to_m: Position,
     /// How long to stand there.
     #[serde(default)]
     pub stop_s: Seconds,
 }
 
-/// `[sonar]`: how the sonars hear.
+/// `[sonar]`: how the sonars echoes_of.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Sonar {
     /// Half the opening angle of the beam.
     pub half_beam_deg: HalfBeam,
     /// Farthest echo; what is as far or farther reads as this: no echo.
-    pub limit_m: HearingLimit,
+    pub limit_m: EchoLimit,
     /// Nearest range; what is nearer reads as this.
     pub blind_m: BlindRange,
     /// Spread of a range (one standard deviation).
@@ -136,7 +137,7 @@ pub enum Surface {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields, expecting = "a table")]
 pub struct Surfaces {
-    /// Of a smooth one; beyond it the sound goes on as from a mirror.
+    /// Of a smooth one; beyond it the sound continues as from a mirror.
     pub smooth_critical_deg: SmoothCritical,
     /// Of a rough one; beyond it the sound is lost.
     pub rough_critical_deg: RoughCritical,
@@ -147,7 +148,7 @@ pub struct Surfaces {
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Furniture {
     /// Its middle.
-    pub centre_m: Place,
+    pub centre_m: Position,
     /// Its length along the heading and its width across.
     pub size_m: [BuiltLength; 2],
     /// Its height.
@@ -166,7 +167,7 @@ pub struct Furniture {
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Pillar {
     /// Its middle.
-    pub centre_m: Place,
+    pub centre_m: Position,
     /// Its radius.
     pub radius_m: BuiltLength,
     /// Its height; without it, it reaches the ceiling.
@@ -177,12 +178,12 @@ pub struct Pillar {
     pub surface: Surface,
 }
 
-/// `[[walker]]`: somebody on two legs, in the world from `start_s` until the end of the way.
+/// `[[walker]]`: a person on two legs, in the world from `start_s` until the end of the path.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table")]
 pub struct Walker {
     /// Where the walker comes in.
-    pub from_m: Place,
+    pub from_m: Position,
     /// When, counted from the start of the drive.
     #[serde(default)]
     pub start_s: Seconds,
@@ -193,7 +194,8 @@ pub struct Walker {
     #[serde(default)]
     pub step_m: StepLength,
     /// `[[walker.way]]`: the places to walk to, in order; at the last one the walker leaves.
-    pub way: Vec<Goal>,
+    #[serde(rename = "way")]
+    pub path: Vec<Goal>,
 }
 
 /// Reads a world's file.

@@ -22,7 +22,7 @@ const CORRIDOR: &str = "
     ]
     ";
 
-/// Somebody who goes away from the robot, somebody who comes, and somebody who crosses.
+/// A walker who goes away from the robot, one who comes, and one who crosses.
 const WALKERS: &str = "walker = [
     { from_m = [2.2, -0.9], start_s = 1, speed_m_s = 0.6, step_m = 0.55, way = [{ to_m = [3.0, 0.3] }, { to_m = [9, 0.4] }] },
     { from_m = [12, 0.2], start_s = 0, speed_m_s = 1.0, way = [{ to_m = [3.5, -0.5] }, { to_m = [3.2, 0.9] }, { to_m = [14, 0.0] }] },
@@ -115,7 +115,7 @@ fn feet_have_a_shadow_under_them() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_and_frames_can_be_taken_in_any_order() {
+fn the_same_seed_gives_the_same_bytes_in_any_order() {
     let world = world(&format!("{CORRIDOR}{WALKERS}"));
     let camera = |seed| Camera::new(&world, &optics([160, 120]), &Flaws::default(), seed);
     let (mut first, mut second, mut third) = (Picture::default(), Picture::default(), Picture::default());

@@ -39,7 +39,7 @@ fn standing(seconds: u32, things: &str) -> World {
 }
 
 #[test]
-fn sonars_fire_in_turn_25_times_a_second_and_packets_come_10_times() {
+fn sonars_fire_25_times_and_packets_come_10_times_a_second() {
     let drive = drive(&standing(28, ""), 1);
     assert_eq!(drive.len(), 290, "the robot stands for a second before it sets off");
     let fired: Vec<u8> = drive.iter().flat_map(|(packet, _)| packet.readings.iter().map(|reading| reading.sonar)).collect();
@@ -83,7 +83,7 @@ fn missed_echoes_and_crosstalk_come_at_their_rates() {
         let drive = drive(&world(&format!("{wall}sonar = {sonar}")), 1);
         ranges(&drive, 3).iter().filter(|reading| reading.1 == label as u32).count()
     };
-    // 1004 pings of sonar 3; crosstalk is heard when it comes before the echo, which 1.72 of 4.85 m do.
+    // 1004 pings of sonar 3; crosstalk is echoes when it comes before the echo, which 1.72 of 4.85 m do.
     assert!((70..130).contains(&count("{ missed = 0.1, crosstalk = 0 }", EchoLabel::NoEcho)));
     assert!((140..220).contains(&count("{ missed = 0, crosstalk = 0.5 }", EchoLabel::Crosstalk)));
     assert_eq!(count("{ missed = 0, crosstalk = 0 }", EchoLabel::Still), 1004);
@@ -126,23 +126,23 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_does_not() {
 }
 
 #[test]
-fn a_drive_taken_up_in_the_middle_goes_on_as_if_it_had_never_stopped() {
+fn a_resumed_drive_equals_one_that_never_stopped() {
     let mut world = of_file("corridor.toml");
     world.odometry = World::parse("test", "robot = { start_m = [0, 0], way = [] }\nodometry = { wander_deg = 1, distance_share = 0.02 }")
         .unwrap()
         .odometry;
-    let whole = drive(&world, 3);
-    for taken_up_at in [1, 2, 250, 600] {
+    let entire = drive(&world, 3);
+    for resumed_at in [1, 2, 250, 600] {
         let mut simulation = Simulation::new(&world, &pioneer(), 3);
-        simulation.advance_to(taken_up_at);
-        assert_eq!(simulation.odometry(), whole[taken_up_at as usize - 1].0.odometry);
+        simulation.advance_to(resumed_at);
+        assert_eq!(simulation.odometry(), entire[resumed_at as usize - 1].0.odometry);
         let rest: Vec<_> = std::iter::from_fn(|| simulation.next_packet()).collect();
-        assert!(rest == whole[taken_up_at as usize..], "taken up after {taken_up_at} packets");
+        assert!(rest == entire[resumed_at as usize..], "taken up after {resumed_at} packets");
     }
 }
 
 #[test]
-fn whoever_walks_the_walls_sound_the_same() {
+fn walls_echo_the_same_for_any_walker() {
     let still = |walkers: &str| {
         drive(
             &world(&format!(
@@ -153,7 +153,7 @@ fn whoever_walks_the_walls_sound_the_same() {
     };
     let (alone, crossed) = (still(""), still("walker = [{ from_m = [2, -2], speed_m_s = 0.3, way = [{ to_m = [2, 0.5] }] }]"));
     assert_eq!(ranges(&alone, 0), ranges(&crossed, 0));
-    assert_ne!(ranges(&alone, 3), ranges(&crossed, 3), "the walker was heard");
+    assert_ne!(ranges(&alone, 3), ranges(&crossed, 3), "the walker was echoes");
 }
 
 #[test]
@@ -174,11 +174,11 @@ fn the_demo_corridors_are_driven_and_every_truth_is_valid() {
         let world = of_file(name);
         let drive = drive(&world, 1);
         assert!((800..=1000).contains(&drive.len()), "{name}: 80 to 100 s, found {} packets", drive.len());
-        let mut heard: Vec<u32> =
+        let mut echoes: Vec<u32> =
             (0..7).flat_map(|sonar| ranges(&drive, sonar)).filter(|r| r.1 == EchoLabel::Walker as u32).map(|r| r.2).collect();
-        heard.sort_unstable();
-        heard.dedup();
-        assert_eq!(heard, walkers, "{name}");
+        echoes.sort_unstable();
+        echoes.dedup();
+        assert_eq!(echoes, walkers, "{name}");
         for (_, truth) in &drive {
             truth.validate().unwrap();
         }
@@ -198,7 +198,7 @@ fn surfaces_are_told_in_chunks() {
 }
 
 #[test]
-fn a_door_that_stands_back_is_heard_behind_its_wall() {
+fn a_recessed_door_echoes_behind_its_wall() {
     let mut world = of_file("corridor-empty.toml");
     world.sonar = world_sonar_without_chance();
     // Sonar 6 looks at the right wall, from 0.1 m ahead of the robot and 0.1 m to its right.

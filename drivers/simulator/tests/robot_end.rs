@@ -95,7 +95,7 @@ fn a_recorded_session_opens_sends_and_closes() {
 }
 
 #[test]
-fn an_open_robot_reads_the_handshake_as_pulse_and_open_and_goes_on() {
+fn an_open_robot_reads_the_handshake_as_pulse_and_open() {
     let mut robot = robot("pioneer-1");
     open(&mut robot);
     assert_eq!(say(&mut robot, Command::plain(number::SYNC0)), NOTHING);
@@ -107,7 +107,7 @@ fn an_open_robot_reads_the_handshake_as_pulse_and_open_and_goes_on() {
 }
 
 #[test]
-fn open_is_nothing_without_the_handshake_and_close_before_it_does_no_harm() {
+fn open_and_close_before_the_handshake_have_no_effect() {
     let mut robot = robot("pioneer-1");
     for stray in [number::OPEN, number::CLOSE, number::SONAR, 255] {
         assert_eq!(say(&mut robot, Command::plain(stray)), NOTHING);
@@ -121,7 +121,7 @@ fn open_is_nothing_without_the_handshake_and_close_before_it_does_no_harm() {
 }
 
 #[test]
-fn a_robot_synchronised_but_not_opened_answers_nothing_until_it_is_closed() {
+fn a_synchronised_robot_answers_nothing_until_it_is_closed() {
     for end in [number::SYNC2, number::CLOSE] {
         let mut robot = robot("pioneer-1");
         for step in [number::SYNC0, number::SYNC1, number::SYNC2] {
@@ -158,7 +158,7 @@ fn position_counters_wrap_and_seto_sets_them_to_zero() {
 }
 
 #[test]
-fn a_robot_switched_on_in_the_middle_of_the_drive_counts_from_there() {
+fn a_robot_switched_on_in_mid_drive_counts_from_there() {
     let here = Pose { x_m: 3.0, y_m: 1.0, yaw_rad: std::f64::consts::FRAC_PI_2 };
     let mut robot = RobotEnd::new(&Body::of(Model::named("p3-dx").unwrap()), 65536, here);
     open(&mut robot);
@@ -191,7 +191,7 @@ fn motion_shows_in_the_type_and_the_wheels() {
 }
 
 #[test]
-fn a_robot_driven_by_hand_ignores_motion_and_outlives_its_client() {
+fn motion_commands_and_a_dead_client_change_nothing() {
     let mut robot = robot("pioneer-1");
     open(&mut robot);
     for (motion, argument) in [(number::VEL, 400), (number::RVEL, -30), (number::E_STOP, 0), (99, 1)] {

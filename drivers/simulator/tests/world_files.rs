@@ -52,7 +52,7 @@ fn worlds_too_large_are_refused() {
 #[test]
 fn damaged_files_give_one_line_and_never_a_panic() {
     let path = format!("{}/../../config/worlds/corridor.toml", env!("CARGO_MANIFEST_DIR"));
-    let whole = std::fs::read(path).unwrap();
+    let entire = std::fs::read(path).unwrap();
     let mut refused = 0;
     let mut read = |bytes: &[u8]| {
         let Ok(text) = std::str::from_utf8(bytes) else { return };
@@ -62,13 +62,13 @@ fn damaged_files_give_one_line_and_never_a_panic() {
             refused += 1;
         }
     };
-    for length in 0..whole.len() {
-        read(&whole[..length]);
+    for length in 0..entire.len() {
+        read(&entire[..length]);
     }
-    for bit in (0..whole.len() * 8).step_by(3) {
-        let mut damaged = whole.clone();
+    for bit in (0..entire.len() * 8).step_by(3) {
+        let mut damaged = entire.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
         read(&damaged);
     }
-    assert!(refused > whole.len() / 2, "{refused} refused of {} lengths and as many bit flips", whole.len());
+    assert!(refused > entire.len() / 2, "{refused} refused of {} lengths and as many bit flips", entire.len());
 }

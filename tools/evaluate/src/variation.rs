@@ -172,7 +172,7 @@ mod tests {
     fn everyone_stands_on_his_way_for_as_long_as_wanted() {
         let way = |text: &str| {
             let world = read_world(text, Variation { walkers: None, seed: 1, stand_s: Some(30.0) }).unwrap();
-            world.walkers[0].way.iter().map(|goal| (goal.to_m.get(), goal.stop_s.get())).collect::<Vec<_>>()
+            world.walkers[0].path.iter().map(|goal| (goal.to_m.get(), goal.stop_s.get())).collect::<Vec<_>>()
         };
         assert_eq!(way(WORLD), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
         let straight = WORLD.replace("{ to_m = [2, 2], stop_s = 5 }, ", "");
@@ -187,6 +187,6 @@ mod tests {
         assert_eq!(world(Some(5), 1), world(Some(5), 1));
         assert_ne!(world(Some(5), 1), world(Some(5), 2));
         let two = world(Some(2), 1).walkers;
-        assert!((two[1].from_m.get()[0] - 3.0).abs() <= ASIDE_M && two[1].way[0].stop_s.get() == 5.0);
+        assert!((two[1].from_m.get()[0] - 3.0).abs() <= ASIDE_M && two[1].path[0].stop_s.get() == 5.0);
     }
 }

@@ -45,8 +45,8 @@ pub(crate) struct Robot {
     /// Whether its answer to SYNC2 has no names.
     pub nameless: bool,
     /// Whether what is said to it is lost.
-    pub deaf: bool,
-    pub heard: Vec<u8>,
+    pub unresponsive: bool,
+    pub received: Vec<u8>,
     pub next_sip_ns: u64,
     pub deframer: Deframer,
 }
@@ -72,8 +72,8 @@ impl Robot {
             stall_bumpers: (0, 0),
             flags: None,
             nameless: false,
-            deaf: false,
-            heard: Vec::new(),
+            unresponsive: false,
+            received: Vec::new(),
             next_sip_ns: 0,
             deframer: Deframer::new(),
         }
@@ -92,14 +92,14 @@ impl Robot {
     }
 
     /// What it answers to bytes that arrive at this baud rate.
-    pub(crate) fn hear(&mut self, bytes: &[u8], baud: u32, now_ns: u64) -> Vec<u8> {
-        if self.deaf || baud != self.baud {
+    pub(crate) fn receive(&mut self, bytes: &[u8], baud: u32, now_ns: u64) -> Vec<u8> {
+        if self.unresponsive || baud != self.baud {
             return Vec::new();
         }
         let mut answer = Vec::new();
         for frame in self.deframer.push(bytes) {
             let command = psos::Command::decode(&frame.data).unwrap();
-            self.heard.push(command.number);
+            self.received.push(command.number);
             match (self.open, command.number) {
                 // After the handshake the number of SYNC1 means OPEN.
                 (false, number::OPEN) if self.named && std::mem::take(&mut self.misses_open) => {}
@@ -259,7 +259,7 @@ impl Drive {
                         self.step(Input::Bytes(&command.packet()));
                         continue;
                     }
-                    let answer = self.robot.hear(&command.packet(), self.line_baud, self.now_ns);
+                    let answer = self.robot.receive(&command.packet(), self.line_baud, self.now_ns);
                     let answer = (self.damage)(answer);
                     if !answer.is_empty() {
                         self.step(Input::Bytes(&answer));
@@ -269,7 +269,7 @@ impl Drive {
                     if !self.opened || self.quiet {
                         continue;
                     }
-                    let answer = self.robot.hear(&packet, self.line_baud, self.now_ns);
+                    let answer = self.robot.receive(&packet, self.line_baud, self.now_ns);
                     if !answer.is_empty() {
                         self.step(Input::Bytes(&answer));
                     }
@@ -277,7 +277,7 @@ impl Drive {
                 Output::Baud(baud) => self.line_baud = baud,
                 Output::Flush => {}
                 Output::Reopen => self.opened = false,
-                Output::Publish(kept) => self.scans.push(*kept),
+                Output::Publish(saved) => self.scans.push(*saved),
                 Output::Event(event) => self.events.push(event),
             }
         }

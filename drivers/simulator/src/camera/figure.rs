@@ -16,7 +16,7 @@ const LIFT_M: f32 = 0.06;
 /// Width of a stripe, m.
 const STRIPE_M: f32 = 0.06;
 
-/// What somebody wears.
+/// Clothes of a walker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Clothes {
     shirt: Cloth,
