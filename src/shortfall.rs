@@ -6,7 +6,8 @@ use crate::process::recorder::{NOT_RECORDED, PARTS_LOST};
 use crate::progress;
 use messages::DeploymentStatus;
 
-/// The largest count of each shortfall: a process that starts again counts anew.
+/// The count of each shortfall. A recorder continues the counts of the one before it, and its last count holds. Of the others the largest
+/// one holds: a process that starts again counts anew.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Shortfall {
     doubtful_poses: u64,
@@ -22,12 +23,14 @@ impl Shortfall {
     pub(crate) fn note(&mut self, status: &DeploymentStatus) {
         let counts = [
             (&mut self.doubtful_poses, DOUBTFUL_POSES),
-            (&mut self.not_recorded, NOT_RECORDED),
-            (&mut self.parts_lost, PARTS_LOST),
             (&mut self.parts_missing, PARTS_MISSING),
             (&mut self.scans_missing, SCANS_MISSING),
             (&mut self.frames_missing, FRAMES_MISSING),
         ];
+        for (last, name) in [(&mut self.not_recorded, NOT_RECORDED), (&mut self.parts_lost, PARTS_LOST)] {
+            let counted = status.processes().iter().find_map(|process| progress::counter(process, name));
+            *last = counted.unwrap_or(*last);
+        }
         for (most, name) in counts {
             let count: u64 = status.processes().iter().filter_map(|process| progress::counter(process, name)).sum();
             *most = count.max(*most);

@@ -197,7 +197,8 @@ fn recording_stops_on_a_full_disk_and_resumes_in_a_new_file() {
     let sandbox = Sandbox::new();
     let full = toml! { process = "recorder" kind = "disk" from_s = 8.0 for_s = 8.0 };
     let ended = sandbox.run(&live(&sandbox, [full]), &["--speed", "2"]).end();
-    ended.assert_code(0);
+    ended.assert_code(3);
+    assert!(ended.stdout.contains("log        INCOMPLETE: ") && ended.stdout.contains(" not recorded\n"), "{}", ended.stdout);
     assert_eq!(ended.restarted(), None);
     let said = |words: &str| ended.stderr.find(words).unwrap_or_else(|| panic!("{words}: {}", ended.stderr));
     assert!(
@@ -210,8 +211,8 @@ fn recording_stops_on_a_full_disk_and_resumes_in_a_new_file() {
     let out = sandbox.path("live-out");
     assert!(out.join("drive.2.mcap").exists());
     let info = sandbox.output(["log", "info", out.join("drive.mcap").to_str().unwrap()]);
-    info.assert_code(0);
-    assert!(info.stdout.contains("robot/scan"), "{}", info.stdout);
+    info.assert_code(3);
+    assert!(info.stdout.contains("missing   robot/scan: "), "{}", info.stdout);
 }
 
 #[test]
