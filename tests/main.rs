@@ -28,6 +28,7 @@ mod line_noise;
 mod live_page;
 mod log_loss;
 mod machine;
+mod map_export;
 mod memory;
 mod no_space;
 mod observers;

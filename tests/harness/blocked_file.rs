@@ -56,15 +56,21 @@ impl BlockedFile {
         Self { path: path.to_owned(), pipe, full }
     }
 
-    /// Kills the process in the middle of writing the file, and leaves what it has written as a file.
+    /// Waits until the process is in the middle of writing the file.
     #[track_caller]
-    pub(crate) fn kill_writer(self, pid: u32) {
+    pub(crate) fn wait_for_writer(&self, pid: u32) {
         let is_open = || {
             let descriptors = std::fs::read_dir(format!("/proc/{pid}/fd")).into_iter().flatten().flatten();
             descriptors.filter_map(|entry| std::fs::read_link(entry.path()).ok()).any(|target| target == self.path)
         };
         let what = format!("process {pid} writes {}", self.path.display());
         look_until(&what, || is_open() && rustix::io::ioctl_fionread(&self.pipe).unwrap() > 0);
+    }
+
+    /// Kills the process in the middle of writing the file, and leaves what it has written as a file.
+    #[track_caller]
+    pub(crate) fn kill_writer(self, pid: u32) {
+        self.wait_for_writer(pid);
         let mut written = vec![0; PAGE];
         let count = if self.full { 0 } else { self.copy_of_contents().read(&mut written).unwrap() };
         let aside = self.path.with_extension("blocked");

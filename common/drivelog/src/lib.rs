@@ -36,7 +36,7 @@ pub use ending::Ending;
 pub use gaps::{Gaps, Missing};
 pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
-pub use log::{Entry, Log, Outcome, Part};
+pub use log::{Entry, Log, Outcome, Part, Step};
 pub use logged::{Format, LogVisitor, Logged, foxglove_format, visit_logged};
 pub use part::RawMessage;
 pub use parts::{following_parts, part_path};

@@ -40,6 +40,17 @@ pub enum Entry<T> {
     },
 }
 
+/// What reading one message has found for one stream.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Step<T> {
+    /// A message or the end of the stream.
+    Entry(Entry<T>),
+    /// A message of another stream.
+    Other,
+    /// The end of the log.
+    AtEnd,
+}
+
 /// A file of a log and the outcome of reading it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
@@ -157,7 +168,15 @@ impl Log {
     /// # Errors
     /// When something cannot be read; the next call goes on behind it.
     pub fn next_of<T: Logged>(&mut self) -> Result<Option<Entry<T>>, LogError> {
-        self.next_on(T::SERVICE.name, decode::<T>)
+        until_entry(|| self.step_of())
+    }
+
+    /// Reads one message, for the stream of `T`: [`next_of`](Self::next_of) may read the whole log.
+    ///
+    /// # Errors
+    /// When something cannot be read; the next call continues behind it.
+    pub fn step_of<T: Logged>(&mut self) -> Result<Step<T>, LogError> {
+        self.step_on(T::SERVICE.name, decode::<T>)
     }
 
     /// The next picture or the end of the stream of `P`, as [`next_of`](Self::next_of).
@@ -165,27 +184,35 @@ impl Log {
     /// # Errors
     /// When something cannot be read; the next call goes on behind it.
     pub fn next_picture<P: Pictures>(&mut self) -> Result<Option<Entry<Image>>, LogError> {
-        self.next_on(P::SERVICE.name, image::decode)
+        until_entry(|| self.step_picture::<P>())
     }
 
-    fn next_on<T>(&mut self, service: &str, decode: impl Fn(&[u8]) -> Result<(u64, T), DecodeError>) -> Result<Option<Entry<T>>, LogError> {
-        while self.advance()? {
-            let Some(message) = self.message() else { continue };
-            let (topic, stamp_ns) = (message.channel.topic.as_str(), message.stamp_ns);
-            let entry = if topic == service {
-                decode(message.data).map(|(seq, payload)| Entry::Message { seq, stamp_ns, payload })
-            } else if topic == END_TOPIC {
-                match serde_json::from_slice::<End>(message.data) {
-                    Ok(end) if end.service == service => Ok(Entry::End { seq: end.seq, stamp_ns }),
-                    Ok(_) => continue,
-                    Err(error) => Err(error.into()),
-                }
-            } else {
-                continue;
-            };
-            return entry.map(Some).map_err(|source| self.fault(source));
+    /// Reads one message, for the stream of `P`, as [`step_of`](Self::step_of).
+    ///
+    /// # Errors
+    /// When something cannot be read; the next call continues behind it.
+    pub fn step_picture<P: Pictures>(&mut self) -> Result<Step<Image>, LogError> {
+        self.step_on(P::SERVICE.name, image::decode)
+    }
+
+    fn step_on<T>(&mut self, service: &str, decode: impl Fn(&[u8]) -> Result<(u64, T), DecodeError>) -> Result<Step<T>, LogError> {
+        if !self.advance()? {
+            return Ok(Step::AtEnd);
         }
-        Ok(None)
+        let Some(message) = self.message() else { return Ok(Step::Other) };
+        let (topic, stamp_ns) = (message.channel.topic.as_str(), message.stamp_ns);
+        let entry = if topic == service {
+            decode(message.data).map(|(seq, payload)| Entry::Message { seq, stamp_ns, payload })
+        } else if topic == END_TOPIC {
+            match serde_json::from_slice::<End>(message.data) {
+                Ok(end) if end.service == service => Ok(Entry::End { seq: end.seq, stamp_ns }),
+                Ok(_) => return Ok(Step::Other),
+                Err(error) => Err(error.into()),
+            }
+        } else {
+            return Ok(Step::Other);
+        };
+        entry.map(Step::Entry).map_err(|source| self.fault(source))
     }
 
     /// Bytes that have been read, and bytes of all files.
@@ -270,6 +297,17 @@ impl Log {
             None => (0, String::new(), 0),
         };
         LogError::at(&path)(Fault::Message { offset, topic, sequence, source })
+    }
+}
+
+/// The next entry of a stream; `None` at the end of the log.
+fn until_entry<T>(mut step: impl FnMut() -> Result<Step<T>, LogError>) -> Result<Option<Entry<T>>, LogError> {
+    loop {
+        match step()? {
+            Step::Entry(entry) => return Ok(Some(entry)),
+            Step::Other => {}
+            Step::AtEnd => return Ok(None),
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 mod parameters;
 
 use std::path::PathBuf;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use bus::{BusError, Episode, Reader, Received, Writer};
@@ -26,6 +27,9 @@ const SENDING_PAUSE: Duration = Duration::from_millis(5);
 const SHOWING_PERIOD: Duration = Duration::from_millis(90);
 /// How long after the last scan the end of the verdicts is waited for, live.
 const VERDICTS_END: Duration = Duration::from_secs(5);
+
+/// Time between two looks at whether the map is written.
+const WRITING_POLL: Duration = Duration::from_millis(10);
 
 /// The counter of scans from which on poses may be off against the map before.
 pub(crate) const DOUBTFUL_POSES: &str = "doubtful poses";
@@ -79,6 +83,13 @@ struct Mapping {
     /// Scans from which on poses may be off against the map before.
     doubtful: u64,
     doubts: Episode,
+    writing: Option<JoinHandle<Result<Written, StepError>>>,
+}
+
+/// The finished map.
+struct Written {
+    summary: MapSummary,
+    files: Vec<PathBuf>,
 }
 
 impl Fold for Mapping {
@@ -129,13 +140,19 @@ impl Fold for Mapping {
         Ok(())
     }
 
-    /// Writes the files and publishes that the map is finished.
+    /// Has the files written beside the work loop, and publishes that the map is finished.
     fn finish(&mut self, _: &Context<'_>) -> Result<Next, StepError> {
-        for path in write_files(&self.out, &MapCopy::of(&self.mapper).files()?)? {
+        let Some(writing) = self.writing.take_if(|writing| writing.is_finished()) else {
+            let (mapper, out) = (&self.mapper, &self.out);
+            self.writing.get_or_insert_with(|| begin_writing(mapper.clone(), out.clone()));
+            return Ok(Next::WaitAtMost(WRITING_POLL));
+        };
+        let Written { summary, files } = writing.join().map_err(|_| "the thread that writes the map has panicked")??;
+        for path in files {
             tracing::info!("wrote {}", path.display());
         }
         let StreamCursor { seq, stamp_ns } = self.mapper.last_scan();
-        self.summary.send(seq, stamp_ns, &self.mapper.summary())?;
+        self.summary.send(seq, stamp_ns, &summary)?;
         self.summary.end(seq, stamp_ns)?;
         self.tiles.end(seq, stamp_ns)?;
         self.way.end(seq, stamp_ns)?;
@@ -188,6 +205,7 @@ impl Mapping {
             refusals: Episode::default(),
             doubtful: 0,
             doubts: Episode::default(),
+            writing: None,
             mapper,
         })
     }
@@ -272,6 +290,15 @@ impl Mapping {
         }
         Ok(true)
     }
+}
+
+/// Writes the map in a thread of its own. At the largest size this takes a minute, and a process may be silent for two seconds.
+fn begin_writing(mapper: Mapper, out: PathBuf) -> JoinHandle<Result<Written, StepError>> {
+    std::thread::spawn(move || {
+        let (summary, copy) = (mapper.summary(), MapCopy::of(&mapper));
+        drop(mapper);
+        Ok(Written { summary, files: write_files(&out, &copy.files()?)? })
+    })
 }
 
 /// The tiles of a mapper's state as parts of a checkpoint.

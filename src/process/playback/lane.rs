@@ -2,14 +2,18 @@
 
 use ::playback::{Answers, Head, Window};
 use bus::{BusError, FrameWriter, Writer};
-use drivelog::{Entry, Gaps, Image, Log, LogError, Logged};
+use drivelog::{Entry, Gaps, Image, Log, LogError, Logged, Step};
 use messages::Pictures;
 use runtime::StepError;
 
 /// Messages of the log that can be sent, one after the other.
 pub(super) trait Source {
-    /// Number and stamp of the message that comes next; `None` at the end of the stream.
-    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError>;
+    /// Looks for the message that comes next until the round is over: a log may have no further one of this stream. False when it is not
+    /// found yet.
+    fn search(&mut self, round_is_over: &dyn Fn() -> bool) -> Result<bool, LogError>;
+
+    /// Number and stamp of the message that was found; `None` at the end of the stream.
+    fn peek(&self) -> Option<(u64, u64)>;
 
     /// Sends that message, unless it is only to be passed over.
     fn pass(&mut self, send: bool) -> Result<(), BusError>;
@@ -24,28 +28,34 @@ pub(super) trait Source {
     fn gaps(&self) -> Gaps;
 }
 
-/// A reading of the log that stops at each entry of one stream.
+/// A reading of the log that stops at each message of one stream.
 pub(super) struct Cursor<T> {
     log: Log,
-    next: Option<Entry<T>>,
+    /// Number, stamp and payload.
+    next: Option<(u64, u64, T)>,
+    at_end: bool,
 }
 
 impl<T> Cursor<T> {
     pub(super) fn new(log: Log) -> Self {
-        Self { log, next: None }
+        Self { log, next: None, at_end: false }
     }
 
-    fn peek(&mut self, read: impl Fn(&mut Log) -> Result<Option<Entry<T>>, LogError>) -> Result<Option<(u64, u64)>, LogError> {
-        loop {
-            match &self.next {
-                Some(Entry::Message { seq, stamp_ns, .. }) => return Ok(Some((*seq, *stamp_ns))),
-                // A run that was stopped and started again goes on behind the end.
-                Some(Entry::End { .. }) | None => self.next = read(&mut self.log)?,
-            }
-            if self.next.is_none() {
-                return Ok(None);
+    fn search(&mut self, round_is_over: &dyn Fn() -> bool, step: impl Fn(&mut Log) -> Result<Step<T>, LogError>) -> Result<bool, LogError> {
+        while self.next.is_none() && !self.at_end {
+            match step(&mut self.log)? {
+                Step::Entry(Entry::Message { seq, stamp_ns, payload }) => self.next = Some((seq, stamp_ns, payload)),
+                // A run that was stopped and started again continues behind the end.
+                Step::Entry(Entry::End { .. }) | Step::Other if round_is_over() => return Ok(false),
+                Step::Entry(Entry::End { .. }) | Step::Other => {}
+                Step::AtEnd => self.at_end = true,
             }
         }
+        Ok(true)
+    }
+
+    fn peek(&self) -> Option<(u64, u64)> {
+        self.next.as_ref().map(|(seq, stamp_ns, _)| (*seq, *stamp_ns))
     }
 }
 
@@ -56,13 +66,17 @@ pub(super) struct Messages<T: Logged> {
 }
 
 impl<T: Logged> Source for Messages<T> {
-    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError> {
-        self.cursor.peek(Log::next_of::<T>)
+    fn search(&mut self, round_is_over: &dyn Fn() -> bool) -> Result<bool, LogError> {
+        self.cursor.search(round_is_over, Log::step_of::<T>)
+    }
+
+    fn peek(&self) -> Option<(u64, u64)> {
+        self.cursor.peek()
     }
 
     fn pass(&mut self, send: bool) -> Result<(), BusError> {
         match self.cursor.next.take() {
-            Some(Entry::Message { seq, stamp_ns, payload }) if send => self.writer.send(seq, stamp_ns, &payload),
+            Some((seq, stamp_ns, payload)) if send => self.writer.send(seq, stamp_ns, &payload),
             _ => Ok(()),
         }
     }
@@ -87,13 +101,17 @@ pub(super) struct Images<P: Pictures> {
 }
 
 impl<P: Pictures> Source for Images<P> {
-    fn peek(&mut self) -> Result<Option<(u64, u64)>, LogError> {
-        self.cursor.peek(Log::next_picture::<P>)
+    fn search(&mut self, round_is_over: &dyn Fn() -> bool) -> Result<bool, LogError> {
+        self.cursor.search(round_is_over, Log::step_picture::<P>)
+    }
+
+    fn peek(&self) -> Option<(u64, u64)> {
+        self.cursor.peek()
     }
 
     fn pass(&mut self, send: bool) -> Result<(), BusError> {
         match self.cursor.next.take() {
-            Some(Entry::Message { seq, stamp_ns, payload }) if send => self.writer.send(seq, stamp_ns, payload.layout, &payload.bytes),
+            Some((seq, stamp_ns, payload)) if send => self.writer.send(seq, stamp_ns, payload.layout, &payload.bytes),
             _ => Ok(()),
         }
     }
@@ -148,12 +166,17 @@ impl Lane {
         !self.ended && self.window.as_ref().is_some_and(|window| !window.has_room())
     }
 
+    /// Looks for its next message until the round is over; false when it is not found yet.
+    pub(super) fn search(&mut self, round_is_over: &dyn Fn() -> bool) -> Result<bool, StepError> {
+        Ok(self.ended || self.source.search(round_is_over)?)
+    }
+
     /// Its next message; says its end when there is none.
     pub(super) fn head(&mut self) -> Result<Option<Head>, StepError> {
         if self.ended {
             return Ok(None);
         }
-        match self.source.peek()? {
+        match self.source.peek() {
             Some((seq, stamp_ns)) => {
                 // What is only passed over takes no room.
                 let has_room = seq <= self.begin_behind || self.window.as_ref().is_none_or(Window::has_room);
@@ -189,5 +212,30 @@ impl Lane {
             self.ended = true;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use drivelog::{Preamble, Recording};
+    use messages::{CameraFrame, SonarScan};
+
+    #[test]
+    fn a_search_through_a_log_without_pictures_ends_with_each_round() {
+        const SCANS: u64 = 100;
+        let preamble = Preamble { run: 1, robot: "pioneer-1".into(), sonars: Vec::new(), origin: "a test".into(), settings: String::new() };
+        let mut recording = Recording::new(&preamble).unwrap();
+        (1..=SCANS).for_each(|seq| recording.scan(seq, seq, &SonarScan::default()).unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        std::fs::write(&path, recording.finish().unwrap()).unwrap();
+        let mut cursor = Cursor::<Image>::new(Log::open(&path).unwrap());
+        let mut rounds = 1;
+        while !cursor.search(&|| true, Log::step_picture::<CameraFrame>).unwrap() {
+            rounds += 1;
+        }
+        // Each scan is two messages: its pose is one, too.
+        assert_eq!((rounds, cursor.peek()), (2 * SCANS + 1, None));
     }
 }

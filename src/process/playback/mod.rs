@@ -232,6 +232,11 @@ impl Playback {
     fn play(&mut self, context: &Context<'_>) -> Result<Next, StepError> {
         self.lanes.iter_mut().for_each(Lane::heed_answers);
         for _ in 0..MOST_AT_ONCE {
+            for lane in &mut self.lanes {
+                if !lane.search(&|| context.round_is_over())? {
+                    return Ok(Next::Again);
+                }
+            }
             let heads = self.lanes.iter_mut().map(Lane::head).collect::<Result<Vec<_>, StepError>>()?;
             let lane = match turn(&heads) {
                 Turn::Of(lane) => lane,
@@ -242,7 +247,7 @@ impl Playback {
                 }
             };
             let Some(lane) = self.lanes.get_mut(lane) else { continue };
-            let Some((seq, stamp_ns)) = lane.source.peek()? else { continue };
+            let Some((seq, stamp_ns)) = lane.source.peek() else { continue };
             self.first_ns.get_or_insert(stamp_ns);
             if seq <= lane.begin_behind {
                 lane.pass_over(seq, stamp_ns)?;
