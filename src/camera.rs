@@ -2,7 +2,7 @@
 
 use crate::exit::BadInput;
 use crate::output;
-use camera::{Coding, ControlInfo, Held, Identity, Offer, Snapshot, Trouble, Wish};
+use camera::{CameraConfig, Coding, ControlInfo, FixedControls, Identity, Offer, Snapshot, Trouble};
 use clap::Subcommand;
 use image::{GrayImage, ImageFormat};
 use messages::printable;
@@ -76,8 +76,8 @@ fn list() -> anyhow::Result<()> {
 }
 
 fn snapshot(device: &Path, out: &PathBuf, size: (u32, u32), input: Option<u32>) -> anyhow::Result<()> {
-    let wish = Wish { size, rate_hz: RATE_HZ, codings: Coding::ALL.to_vec(), input, held: Held::default() };
-    let Snapshot { given, luminance } = camera::snapshot(device, &wish).map_err(|error| bad_device(device, &error))?;
+    let config = CameraConfig { size, rate_hz: RATE_HZ, codings: Coding::ALL.to_vec(), input, controls: FixedControls::default() };
+    let Snapshot { given, luminance } = camera::snapshot(device, &config).map_err(|error| bad_device(device, &error))?;
     let (width, height) = (given.shape.width(), given.shape.height());
     // The camera writes as many bytes as the picture has pixels.
     let picture =

@@ -2,11 +2,14 @@
 
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use ::camera::{Camera, Coding, Damage, Event, Given, Held, Input, Limits, Output, Place, Session, Trouble, Wish, monotonic_ns};
+use ::camera::{
+    Camera, CameraConfig, Coding, Damage, Event, FixedControls, Given, Input, Limits, Output, PicturePosition, Session, Trouble,
+    monotonic_ns,
+};
 use anyhow::Result;
-use bus::FrameWriter;
+use bus::{Episode, FrameWriter};
 use messages::{CameraFrame, FrameLayout, PixelFormat};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, CameraFormat, Settings};
@@ -17,22 +20,22 @@ const MOST_AT_ONCE: usize = 4;
 /// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// What the settings ask of the camera.
-fn wish(settings: &settings::Camera) -> Wish {
+/// The configuration in the settings.
+fn config(settings: &settings::Camera) -> CameraConfig {
     let codings = match settings.format {
         CameraFormat::Any => Coding::ALL.to_vec(),
         CameraFormat::Grey => vec![Coding::Grey],
         CameraFormat::Yuyv => vec![Coding::Yuyv],
         CameraFormat::Mjpg => vec![Coding::Mjpg],
     };
-    let held = Held {
+    let controls = FixedControls {
         exposure_us: settings.exposure_us.map(|exposure| exposure.get()),
         gain: settings.gain.map(|gain| gain.get()),
         white_balance_k: settings.white_balance_k.map(|kelvin| kelvin.get()),
         others: settings.control.iter().map(|control| (control.name.clone(), control.value.get())).collect(),
     };
     let size = (settings.width.get(), settings.height.get());
-    Wish { size, rate_hz: settings.rate_hz.get(), codings, input: settings.input.map(|input| input.get()), held }
+    CameraConfig { size, rate_hz: settings.rate_hz.get(), codings, input: settings.input.map(|input| input.get()), controls }
 }
 
 /// Runs the driver until it is told to stop.
@@ -42,25 +45,26 @@ fn wish(settings: &settings::Camera) -> Wish {
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
-    let last = checkpoint.restore(|saved| Place::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    let last = checkpoint.restore(|saved| PicturePosition::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
     shell.linger_as_source_until(settings.named(BuiltIn::Sbs));
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
         path: settings.camera.device.clone(),
-        wish: wish(&settings.camera),
+        config: config(&settings.camera),
         camera: None,
         given: None,
         session: Session::new(limits, speed, last),
         frames: shell.frame_writer()?,
         checkpoint,
         speed,
+        damages: Episode::default(),
     };
     Ok(shell.run(&mut process)?)
 }
 
 struct Process {
     path: PathBuf,
-    wish: Wish,
+    config: CameraConfig,
     camera: Option<Camera>,
     /// What the camera gave when it was last opened.
     given: Option<Given>,
@@ -68,18 +72,23 @@ struct Process {
     frames: FrameWriter<CameraFrame>,
     checkpoint: Checkpoint,
     speed: f64,
+    damages: Episode,
 }
 
 impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more = self.take_pictures(context)?;
         if context.stopping() {
-            let Place { seq, stamp_ns } = self.session.last();
+            let PicturePosition { seq, stamp_ns } = self.session.last();
             self.frames.end(seq, stamp_ns)?;
+            let damaged = self.damages.close();
+            self.report_damages(damaged);
             self.report(context);
             return Ok(Next::Finished);
         }
         self.feed(Input::Tick, context.now_ns())?;
+        let damaged = self.damages.over(Instant::now());
+        self.report_damages(damaged);
         self.report(context);
         Ok(if more { Next::Again } else { self.wait(context.now_ns()) })
     }
@@ -113,12 +122,13 @@ impl Process {
         if about.damaged {
             return Ok(Some(Input::Picture(about.sequence, Err(Damage::Marked))));
         }
-        let place = self.session.next_place(&about, now_ns, monotonic_ns());
+        let position = self.session.next_position(&about, now_ns, monotonic_ns());
         // Before the picture leaves: after a kill at any moment no number is given twice.
-        self.checkpoint.save(place.as_bytes());
+        self.checkpoint.save(position.as_bytes());
         let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
-        let result = self.frames.try_send_with(place.seq, place.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;
-        Ok(Some(Input::Picture(about.sequence, result.map(|()| place))))
+        let result =
+            self.frames.try_send_with(position.seq, position.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;
+        Ok(Some(Input::Picture(about.sequence, result.map(|()| position))))
     }
 
     /// Tells the session what happened and does what it wants.
@@ -135,14 +145,22 @@ impl Process {
                 }
                 Output::Close => self.camera = None,
                 Output::Event(event @ Event::Recovered { .. }) => tracing::info!("{}: {event}", self.device()),
+                Output::Event(Event::Damaged { .. }) if !self.damages.occurred(Instant::now()) => {}
                 Output::Event(event) => tracing::warn!("{}: {event}", self.device()),
             }
         }
         Ok(())
     }
 
+    /// Logs the end of an episode of so many damaged pictures.
+    fn report_damages(&self, damaged: Option<u64>) {
+        if let Some(damaged) = damaged {
+            tracing::info!("{}: {damaged} pictures were damaged; they are intact again", self.device());
+        }
+    }
+
     fn open(&mut self) -> Input {
-        match Camera::open(&self.path, &self.wish) {
+        match Camera::open(&self.path, &self.config) {
             Ok(camera) => {
                 if self.given.as_ref() != Some(&camera.given) {
                     tracing::info!("{}: {}", self.device(), camera.given);

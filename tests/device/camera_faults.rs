@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use camera::{Camera, Coding, Device, Held, Wish};
+use camera::{Camera, CameraConfig, Coding, Device, FixedControls};
 use messages::ProcessStatus;
 use rustix::process::Signal;
 use serde::Serialize;
@@ -231,8 +231,9 @@ fn yuyv_and_grey_both_give_undamaged_pictures() {
 #[ignore = "runs in a virtual machine: tests/device/run"]
 fn a_camera_in_use_elsewhere_is_opened_once_it_is_free() {
     vivid::renew();
-    let wish = Wish { size: (320, 180), rate_hz: 15.0, codings: vec![Coding::Grey], input: Some(0), held: Held::default() };
-    let other = Camera::open(Path::new(DEVICE), &wish).unwrap();
+    let config =
+        CameraConfig { size: (320, 180), rate_hz: 15.0, codings: vec![Coding::Grey], input: Some(0), controls: FixedControls::default() };
+    let other = Camera::open(Path::new(DEVICE), &config).unwrap();
     let mut shooting = Shooting::start(&shooting());
     shooting.wait_for_note("/dev/video0: in use by another program");
     drop(other);

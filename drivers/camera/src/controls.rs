@@ -5,7 +5,7 @@
 
 /// What a person asks of a camera's controls.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Held {
+pub struct FixedControls {
     /// Exposure time, µs; the device's automatic when not given.
     pub exposure_us: Option<u32>,
     /// Gain, in the device's own units; the device's automatic when not given.
@@ -25,7 +25,7 @@ pub struct ControlInfo {
     pub name: String,
     /// The least and the greatest value.
     pub range: (i32, i32),
-    /// The value that it has when nobody sets it.
+    /// Its default value.
     pub default: i32,
 }
 
@@ -81,7 +81,7 @@ mod id {
 /// `V4L2_EXPOSURE_MANUAL`.
 const EXPOSURE_MANUAL: i32 = 1;
 
-/// A control of [`Held`]: what it is called there, its unit in the device's units, its number, and the automatic to switch off.
+/// A control of [`FixedControls`]: what it is called there, its unit in the device's units, its number, and the automatic to switch off.
 struct Known {
     name: &'static str,
     unit: u32,
@@ -102,7 +102,7 @@ impl ControlInfo {
     }
 }
 
-impl Held {
+impl FixedControls {
     /// What to set on a camera that has these controls, in this order, and what cannot be.
     #[must_use]
     pub fn settings(&self, offered: &[ControlInfo]) -> (Vec<ControlSetting>, Vec<ControlTrouble>) {
@@ -169,21 +169,21 @@ mod tests {
     }
 
     #[track_caller]
-    fn check(held: &Held, set: &[(u32, i32)], troubles: &[&str]) {
-        let (settings, found) = held.settings(&webcam());
+    fn check(controls: &FixedControls, set: &[(u32, i32)], troubles: &[&str]) {
+        let (settings, found) = controls.settings(&webcam());
         assert_eq!(settings.iter().map(|setting| (setting.id, setting.value)).collect::<Vec<_>>(), set);
         assert_eq!(found.iter().map(ToString::to_string).collect::<Vec<_>>(), troubles);
     }
 
     #[test]
     fn nothing_asked_nothing_set() {
-        check(&Held::default(), &[], &[]);
+        check(&FixedControls::default(), &[], &[]);
     }
 
     #[test]
     fn an_automatic_is_switched_off_before_its_value_is_set() {
         check(
-            &Held { exposure_us: Some(10_000), gain: Some(40), white_balance_k: Some(4600), others: Vec::new() },
+            &FixedControls { exposure_us: Some(10_000), gain: Some(40), white_balance_k: Some(4600), others: Vec::new() },
             &[
                 (id::EXPOSURE_AUTO, EXPOSURE_MANUAL),
                 (id::EXPOSURE_100_US, 100),
@@ -197,9 +197,9 @@ mod tests {
     }
 
     #[test]
-    fn what_the_camera_does_not_have_or_take_leaves_the_rest_in_place() {
+    fn controls_that_the_camera_lacks_leave_the_others_set() {
         check(
-            &Held {
+            &FixedControls {
                 exposure_us: Some(900_000),
                 gain: Some(101),
                 white_balance_k: None,

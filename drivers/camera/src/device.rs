@@ -12,7 +12,7 @@ use crate::controls::ControlInfo;
 use crate::four_cc::FourCc;
 use crate::trouble::Trouble;
 
-/// Most entries taken from an enumeration: a driver that never says that it has ended hangs nobody.
+/// Most entries taken from an enumeration: a kernel driver that never ends one must not hang this process.
 const MOST_ENTRIES: u32 = 256;
 
 /// Rates are told to the device in thousandths of a picture a second.

@@ -1,12 +1,12 @@
-//! Driver of a V4L2 camera: its pictures in luminance, and what is wrong with it in words.
+//! Driver of a V4L2 camera: its pictures in luminance, and its faults in words.
 //!
 //! | part | does |
 //! | --- | --- |
-//! | [`Session`] | what to do next: open, start again, close; waits out every fault |
-//! | [`Held`] | which controls to set for what a person asks for |
+//! | [`Session`] | the next action: open, restart, close; survives every fault |
+//! | [`FixedControls`] | the controls that a user sets to fixed values |
 //! | [`Shape`] | from a device's bytes to luminance, in one pass |
 //! | [`Camera`], [`Device`], [`Stream`] | the device itself, through the kernel's calls (`abi`) |
-//! | [`offer`], [`snapshot()`] | what a person asks about a camera before the first drive |
+//! | [`offer`], [`snapshot()`] | what a user asks about a camera before the first drive |
 //!
 //! The first three open no device and read no clock.
 //!
@@ -17,6 +17,7 @@
 mod abi;
 mod clock;
 mod coding;
+mod config;
 mod controls;
 mod device;
 mod four_cc;
@@ -25,16 +26,15 @@ mod session;
 mod snapshot;
 mod stream;
 mod trouble;
-mod wish;
 
 pub use clock::monotonic_ns;
 pub use coding::{Coding, Damage, Shape};
-pub use controls::{ControlInfo, ControlSetting, ControlTrouble, Held};
+pub use config::{Camera, CameraConfig, Given};
+pub use controls::{ControlInfo, ControlSetting, ControlTrouble, FixedControls};
 pub use device::{Device, Identity};
 pub use four_cc::FourCc;
 pub use list::{Offer, OfferedFormat, devices, offer};
-pub use session::{Counters, Event, Input, Limits, Output, Place, Session};
+pub use session::{Counters, Event, Input, Limits, Output, PicturePosition, Session};
 pub use snapshot::{Snapshot, SnapshotError, snapshot};
 pub use stream::{About, Frame, Stream};
 pub use trouble::Trouble;
-pub use wish::{Camera, Given, Wish};

@@ -1,4 +1,4 @@
-//! What to do next about a camera, as a state machine: what happened and the time in, what to do out.
+//! The state machine of a camera: events and the time in, actions out.
 //!
 //! ```text
 //!              opened                      stalled or broken: start the stream again
@@ -8,8 +8,8 @@
 //!     +---- gone, refused, or started again too often
 //! ```
 //!
-//! No state is final: a camera that has been pulled out, is in use elsewhere or refuses its format is tried again and again, and
-//! said to be so once.
+//! No state is final: a camera that has been pulled out, is in use elsewhere or refuses its format is opened again and again, and
+//! reported once.
 
 use crate::coding::Damage;
 use crate::stream::About;
@@ -44,7 +44,7 @@ pub enum Input {
     /// Opening it, starting its stream or taking a picture failed.
     Trouble(Trouble),
     /// A picture came, of this number by the device's count: it was published, or was none.
-    Picture(u32, Result<Place, Damage>),
+    Picture(u32, Result<PicturePosition, Damage>),
     /// Time has passed; wanted by [`Session::due_ns`] at the latest.
     Tick,
 }
@@ -62,20 +62,20 @@ pub enum Output {
     Event(Event),
 }
 
-/// Where in the stream of published pictures a picture belongs. Plain numbers, so that a restarted process can go on.
+/// Where in the stream of published pictures a picture belongs. Plain numbers, so that a restarted process can continue them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Place {
+pub struct PicturePosition {
     /// Its number, from 1.
     pub seq: u64,
     /// When it was taken, deployment time in ns.
     pub stamp_ns: u64,
 }
 
-/// Something that a person may want to know. Its words follow the name of the device.
+/// An event for the log. Its words follow the name of the device.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Event {
-    /// There are no pictures, for this reason; said when it changes.
+    /// There are no pictures, for this reason; reported when it changes.
     #[error("{0}; still trying")]
     Trouble(Trouble),
     /// The camera gives no pictures though nothing is known to be wrong.
@@ -90,7 +90,7 @@ pub enum Event {
         /// How long there were none, s.
         silence_s: f64,
     },
-    /// A picture was damaged. Said for the 1st, 2nd, 4th, 8th …
+    /// A picture was damaged.
     #[error("damaged picture ({damaged} so far): {damage}")]
     Damaged {
         /// What is wrong with it.
@@ -133,7 +133,7 @@ enum State {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Streaming {
     /// When the last picture came, or the stream was started.
-    heard_ns: u64,
+    last_ns: u64,
     /// Times the stream was started again since the last picture.
     restarts: u32,
     /// The device's number of the last picture.
@@ -155,7 +155,7 @@ struct Silent {
 pub struct Session {
     limits: Limits,
     state: State,
-    last: Place,
+    last: PicturePosition,
     counters: Counters,
     openings: u64,
     silent: Option<Silent>,
@@ -174,7 +174,7 @@ impl Limits {
 impl Session {
     /// A session with a camera that is still to be opened; `last` is the last picture that an earlier process of the run published.
     #[must_use]
-    pub fn new(limits: Limits, speed: f64, last: Place) -> Self {
+    pub fn new(limits: Limits, speed: f64, last: PicturePosition) -> Self {
         let state = State::Waiting { due_ns: 0 };
         Self { limits, state, last, counters: Counters::default(), openings: 0, silent: None, speed }
     }
@@ -184,7 +184,7 @@ impl Session {
     pub fn due_ns(&self) -> u64 {
         match self.state {
             State::Waiting { due_ns } => due_ns,
-            State::Streaming(streaming) => streaming.heard_ns.saturating_add(self.limits.stall_ns),
+            State::Streaming(streaming) => streaming.last_ns.saturating_add(self.limits.stall_ns),
         }
     }
 
@@ -196,7 +196,7 @@ impl Session {
 
     /// The last picture that was published; its number is 0 before the first.
     #[must_use]
-    pub fn last(&self) -> Place {
+    pub fn last(&self) -> PicturePosition {
         self.last
     }
 
@@ -218,10 +218,10 @@ impl Session {
 
     /// Where a picture belongs that came at `now_ns`. Its own time is by the monotonic clock, which says `clock_ns` now.
     #[must_use]
-    pub fn next_place(&self, about: &About, now_ns: u64, clock_ns: u64) -> Place {
+    pub fn next_position(&self, about: &About, now_ns: u64, clock_ns: u64) -> PicturePosition {
         let age_ns = about.taken_ns.and_then(|taken_ns| clock_ns.checked_sub(taken_ns)).filter(|age_ns| *age_ns <= OLDEST_NS);
         let taken_ns = now_ns.saturating_sub((age_ns.unwrap_or(0) as f64 * self.speed) as u64);
-        Place { seq: self.last.seq + 1, stamp_ns: taken_ns.max(self.last.stamp_ns + 1) }
+        PicturePosition { seq: self.last.seq + 1, stamp_ns: taken_ns.max(self.last.stamp_ns + 1) }
     }
 
     /// Takes what happened at `now_ns` and returns what to do about it.
@@ -232,9 +232,9 @@ impl Session {
             Input::Opened => self.opened(now_ns),
             Input::Trouble(trouble) => self.trouble(trouble, now_ns, &mut out),
             Input::Picture(sequence, result) => {
-                self.heard(sequence, now_ns);
+                self.received(sequence, now_ns);
                 match result {
-                    Ok(place) => self.published(place, now_ns, &mut out),
+                    Ok(position) => self.published(position, now_ns, &mut out),
                     Err(damage) => self.damaged(damage, &mut out),
                 }
             }
@@ -252,13 +252,13 @@ impl Session {
             }
             State::Streaming(streaming) => streaming.restarts,
         };
-        self.state = State::Streaming(Streaming { heard_ns: now_ns, restarts, sequence: None, interval_ns: 0.0 });
+        self.state = State::Streaming(Streaming { last_ns: now_ns, restarts, sequence: None, interval_ns: 0.0 });
     }
 
     fn trouble(&mut self, trouble: Trouble, now_ns: u64, out: &mut Vec<Output>) {
         let since_ns = match (&self.silent, self.state) {
             (Some(silent), _) => silent.since_ns,
-            (None, State::Streaming(streaming)) => streaming.heard_ns,
+            (None, State::Streaming(streaming)) => streaming.last_ns,
             (None, State::Waiting { .. }) => now_ns,
         };
         if self.silent.as_ref().and_then(|silent| silent.why.as_ref()) != Some(&trouble) {
@@ -277,13 +277,13 @@ impl Session {
         match self.state {
             State::Waiting { due_ns } if now_ns >= due_ns => out.push(Output::Open),
             State::Streaming(streaming) if now_ns >= self.due_ns() => {
-                let silence_s = seconds(now_ns.saturating_sub(streaming.heard_ns));
+                let silence_s = seconds(now_ns.saturating_sub(streaming.last_ns));
                 let since_ns = self.silent.as_ref().map(|silent| silent.since_ns);
                 if since_ns.is_none() {
                     out.push(Output::Event(Event::Stalled { silence_s }));
                 }
                 // Whatever was wrong before is over: the stream runs, but gives nothing.
-                self.silent = Some(Silent { since_ns: since_ns.unwrap_or(streaming.heard_ns), why: None });
+                self.silent = Some(Silent { since_ns: since_ns.unwrap_or(streaming.last_ns), why: None });
                 self.restart(streaming, now_ns, out);
             }
             _ => {}
@@ -296,7 +296,7 @@ impl Session {
             return;
         }
         self.counters.restarts += 1;
-        self.state = State::Streaming(Streaming { heard_ns: now_ns, restarts: streaming.restarts + 1, ..streaming });
+        self.state = State::Streaming(Streaming { last_ns: now_ns, restarts: streaming.restarts + 1, ..streaming });
         out.push(Output::Restart);
     }
 
@@ -305,23 +305,23 @@ impl Session {
         self.state = State::Waiting { due_ns: now_ns + self.limits.retry_ns };
     }
 
-    fn heard(&mut self, sequence: u32, now_ns: u64) {
+    fn received(&mut self, sequence: u32, now_ns: u64) {
         let State::Streaming(streaming) = &mut self.state else { return };
         let ahead = streaming.sequence.map_or(1, |last| sequence.wrapping_sub(last));
         if (1..=MOST_LOST).contains(&ahead) {
             self.counters.lost += u64::from(ahead - 1);
         }
         streaming.sequence = Some(sequence);
-        streaming.heard_ns = now_ns;
+        streaming.last_ns = now_ns;
     }
 
-    fn published(&mut self, place: Place, now_ns: u64, out: &mut Vec<Output>) {
+    fn published(&mut self, position: PicturePosition, now_ns: u64, out: &mut Vec<Output>) {
         let silent = self.silent.take();
         if let Some(silent) = &silent {
             out.push(Output::Event(Event::Recovered { silence_s: seconds(now_ns.saturating_sub(silent.since_ns)) }));
         }
         if let State::Streaming(streaming) = &mut self.state {
-            let interval_ns = place.stamp_ns.saturating_sub(self.last.stamp_ns) as f64;
+            let interval_ns = position.stamp_ns.saturating_sub(self.last.stamp_ns) as f64;
             streaming.interval_ns = match streaming.interval_ns {
                 // A silence before is none of the rhythm.
                 _ if silent.is_some() || self.counters.pictures == 0 => 0.0,
@@ -330,26 +330,24 @@ impl Session {
             };
             streaming.restarts = 0;
         }
-        self.last = place;
+        self.last = position;
         self.counters.pictures += 1;
     }
 
     fn damaged(&mut self, damage: Damage, out: &mut Vec<Output>) {
         self.counters.damaged += 1;
-        if self.counters.damaged.is_power_of_two() {
-            out.push(Output::Event(Event::Damaged { damage, damaged: self.counters.damaged }));
-        }
+        out.push(Output::Event(Event::Damaged { damage, damaged: self.counters.damaged }));
     }
 }
 
-impl Place {
-    /// The bytes to keep.
+impl PicturePosition {
+    /// The bytes of a checkpoint.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::bytes_of(self)
     }
 
-    /// The place in kept bytes; `None` when they are none of this build.
+    /// The position in the bytes of a checkpoint; `None` when they are of another build.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         bytemuck::try_pod_read_unaligned(bytes).ok()

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use crate::config::{Camera, CameraConfig, Given};
 use crate::trouble::Trouble;
-use crate::wish::{Camera, Given, Wish};
 
 /// Pictures let pass first: an automatic exposure settles in about ten.
 const SETTLING: u32 = 15;
@@ -44,8 +44,8 @@ pub enum SnapshotError {
 ///
 /// # Errors
 /// When the camera gives none.
-pub fn snapshot(path: &Path, wish: &Wish) -> Result<Snapshot, SnapshotError> {
-    let Camera { mut stream, given } = Camera::open(path, wish)?;
+pub fn snapshot(path: &Path, config: &CameraConfig) -> Result<Snapshot, SnapshotError> {
+    let Camera { mut stream, given } = Camera::open(path, config)?;
     let mut luminance = vec![0; given.shape.pixels()];
     let started = Instant::now();
     let (mut came, mut damaged) = (0, 0);

@@ -171,7 +171,7 @@ impl Mapping {
     /// The bytes. They are looked at only between taking the buffer from the device and giving it back: a [`Frame`]'s life.
     fn bytes(&self) -> &[u8] {
         // SAFETY: the mapping is `length` bytes long and lives as long as `self`; the device writes no buffer that it has handed
-        // out, and nobody else has this memory for writing.
+        // out, and no other code writes to this memory.
         #[expect(unsafe_code, reason = "the device's buffers are reached by mapping them only")]
         unsafe {
             std::slice::from_raw_parts(self.start.as_ptr(), self.length)

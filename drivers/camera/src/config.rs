@@ -1,16 +1,16 @@
-//! What is asked of a camera, and a camera set up that way.
+//! The configuration that a camera is asked for, and an open camera.
 
 use std::path::Path;
 
 use crate::coding::{Coding, Shape};
-use crate::controls::{ControlTrouble, Held};
+use crate::controls::{ControlTrouble, FixedControls};
 use crate::device::{Device, Identity};
 use crate::stream::Stream;
 use crate::trouble::Trouble;
 
-/// What is asked of a camera.
+/// The configuration that a camera is asked for.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Wish {
+pub struct CameraConfig {
     /// Width and height of its pictures.
     pub size: (u32, u32),
     /// Pictures a second.
@@ -19,8 +19,8 @@ pub struct Wish {
     pub codings: Vec<Coding>,
     /// The input to use, numbered from 0; the one that is selected when not given.
     pub input: Option<u32>,
-    /// Controls to hold.
-    pub held: Held,
+    /// Controls to set to fixed values.
+    pub controls: FixedControls,
 }
 
 /// A camera that takes pictures as it was asked to, as far as it can.
@@ -28,14 +28,14 @@ pub struct Wish {
 pub struct Camera {
     /// Its pictures.
     pub stream: Stream,
-    /// Who it is and what it gives.
+    /// The configuration that it gives.
     pub given: Given,
 }
 
-/// What a camera gives.
+/// The configuration that a camera gives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
-    /// Who it is.
+    /// The device.
     pub identity: Identity,
     /// The form of its pictures.
     pub shape: Shape,
@@ -58,24 +58,24 @@ impl Camera {
     ///
     /// # Errors
     /// When it is not there, or does not give pictures of the size asked for. Rate and controls it may keep.
-    pub fn open(path: &Path, wish: &Wish) -> Result<Self, Trouble> {
+    pub fn open(path: &Path, config: &CameraConfig) -> Result<Self, Trouble> {
         let device = Device::open(path)?;
-        if let Some(input) = wish.input {
+        if let Some(input) = config.input {
             device.select_input(input)?;
         }
-        let shape = device.set_format(&wish.codings, wish.size)?;
-        let rate_hz = device.set_rate(wish.rate_hz)?;
-        let troubles = hold(&device, &wish.held)?;
+        let shape = device.set_format(&config.codings, config.size)?;
+        let rate_hz = device.set_rate(config.rate_hz)?;
+        let troubles = fix(&device, &config.controls)?;
         let given = Given { identity: device.identity().clone(), shape, rate_hz, troubles };
         Ok(Self { stream: Stream::start(device)?, given })
     }
 }
 
-fn hold(device: &Device, held: &Held) -> Result<Vec<ControlTrouble>, Trouble> {
-    if *held == Held::default() {
+fn fix(device: &Device, controls: &FixedControls) -> Result<Vec<ControlTrouble>, Trouble> {
+    if *controls == FixedControls::default() {
         return Ok(Vec::new());
     }
-    let (settings, mut troubles) = held.settings(&device.controls()?);
+    let (settings, mut troubles) = controls.settings(&device.controls()?);
     for setting in settings {
         let refused = |answer: String| ControlTrouble::Refused { name: setting.name.clone(), wanted: setting.value, answer };
         match device.set_control(setting.id, setting.value).and_then(|()| device.control(setting.id)) {
