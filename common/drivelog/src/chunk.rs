@@ -13,7 +13,7 @@ pub(crate) fn unpack(offset: u64, body: &[u8]) -> Result<Vec<u8>, Damage> {
     let wrong = |found: String, expected: &str| Damage { offset, found, expected: expected.to_owned(), skipped: 0 };
     let mut fields = Fields(body);
     let Some((size, crc, compression, packed)) = packed_content(&mut fields) else {
-        return Err(wrong("a chunk that does not fit its length".to_owned(), "a whole chunk"));
+        return Err(wrong("a chunk that does not fit its length".to_owned(), "a complete chunk"));
     };
     if size > MAX_RECORD {
         return Err(wrong(format!("a chunk of {size} bytes"), "at most 67108864"));

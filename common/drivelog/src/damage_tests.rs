@@ -79,8 +79,8 @@ fn read(bytes: &[u8]) -> Result<Found, Fault> {
 fn a_log_cut_anywhere_is_read_up_to_the_last_flush() {
     let Example { bytes, scans, flushed, .. } = example();
     for length in 0..bytes.len() {
-        let whole = flushed.iter().rev().find(|(size, _)| *size <= length);
-        match (read(&bytes[..length]), whole) {
+        let readable = flushed.iter().rev().find(|(size, _)| *size <= length);
+        match (read(&bytes[..length]), readable) {
             (Ok(found), Some((_, count))) => {
                 assert!(found.faults.is_empty(), "cut at {length}: {:?}", found.faults);
                 assert!(found.scans.len() as u64 >= *count, "cut at {length}: {} scans, {count} were flushed", found.scans.len());
@@ -89,7 +89,7 @@ fn a_log_cut_anywhere_is_read_up_to_the_last_flush() {
                 assert!(matches!(found.ending, Ending::Cut { offset } if offset <= length as u64), "cut at {length}: {:?}", found.ending);
             }
             (Err(Fault::CutAtStart { offset }), None) => assert!(offset <= length as u64),
-            (read, whole) => panic!("cut at {length}, whole {whole:?}: {:?}", read.map(|found| found.ending)),
+            (read, readable) => panic!("cut at {length}, readable {readable:?}: {:?}", read.map(|found| found.ending)),
         }
     }
     assert_eq!(read(&bytes).unwrap().ending, Ending::Complete);
@@ -134,7 +134,7 @@ fn with_zeros(bytes: &[u8], hole: Range<usize>) -> Vec<u8> {
 
 /// The first chunk tells what the messages of all are.
 #[test]
-fn a_hole_behind_the_first_chunk_costs_the_chunks_that_it_touches() {
+fn a_hole_costs_only_the_chunks_that_it_touches() {
     let example = example();
     let Example { bytes, scans, flushed, index } = &example;
     let (first_chunk, chunk) = (flushed[1].0, flushed[2].0 - flushed[1].0);
@@ -205,7 +205,7 @@ fn a_chunk_that_says_it_is_larger_than_anything_is_none() {
 
 /// Each of these says that it is a chunk of all that follows: unpacking it for every one would take hours.
 #[test]
-fn what_looks_like_chunks_again_and_again_is_not_unpacked_for_ever() {
+fn unpacking_of_false_chunks_is_bounded() {
     let Example { mut bytes, flushed, .. } = example();
     bytes.truncate(flushed[1].0);
     bytes.push(0);

@@ -21,10 +21,10 @@ pub enum DecodeError {
         /// What it should be.
         expected: f64,
     },
-    /// A picture whose pixels are stored in a way that no picture of ours is.
+    /// A picture in an encoding that is not recorded.
     #[error("the picture's encoding is {0:?}, expected mono8, yuyv or rgb8")]
     Encoding(String),
-    /// Numbers that cannot be meant.
+    /// Invalid numbers.
     #[error(transparent)]
     Invalid(#[from] Invalid),
 }

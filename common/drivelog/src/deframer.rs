@@ -1,4 +1,4 @@
-//! From the bytes of an MCAP file to its records: pushed bytes, whatever their sizes.
+//! From the bytes of an MCAP file, pushed in pieces of any size, to its records.
 
 use crc32fast::Hasher;
 
@@ -15,8 +15,8 @@ const HEAD: usize = 9;
 const DATA_END: u64 = 4;
 /// Bytes of a chunk without its content and the word for how it is packed: three times and sizes, a checksum, two lengths.
 const CHUNK_FIELDS: u64 = 8 + 8 + 8 + 4 + 4 + 8;
-/// Bytes that may be unpacked in vain while whole chunks are looked for, and how many more for each byte of the file: whatever
-/// a file holds, reading it takes a time that grows with its size.
+/// Bytes that may be unpacked in vain in the search for intact chunks, and how many more for each byte of the file: the time to read
+/// any file grows with its size only.
 const IN_VAIN: u64 = 4 * MAX_RECORD;
 const IN_VAIN_PER_BYTE: u64 = 16;
 
@@ -34,7 +34,7 @@ pub(crate) struct Frame<'a> {
     pub(crate) body: &'a [u8],
 }
 
-/// Takes records out of a file from its start to its end. Where bytes are no record, it looks for the next whole chunk.
+/// Takes records out of a file from its start to its end. Where bytes are no record, it searches the next intact chunk.
 pub(crate) struct Deframer {
     buffer: Vec<u8>,
     start: usize,
@@ -44,7 +44,7 @@ pub(crate) struct Deframer {
     at_end: bool,
     /// Size of the last record with its head.
     last: usize,
-    /// Why and from where on a whole chunk is looked for.
+    /// Reason and start of the search for an intact chunk.
     gap: Option<Gap>,
     /// Bytes that may still be unpacked in vain.
     in_vain: u64,
@@ -58,9 +58,9 @@ enum Stage {
     Records,
     LastMagic,
     Done,
-    /// What follows is not looked at.
+    /// The rest is not read.
     Lost,
-    /// Looking for a whole chunk.
+    /// Search for an intact chunk.
     Search,
 }
 
@@ -75,16 +75,16 @@ struct Gap {
 enum Reason {
     /// What stands there is no record: found, expected.
     NoRecord(String, String),
-    /// The record there is not whole at the end of the file, and may be one whose length is damaged.
+    /// The record is incomplete at the end of the file, and its length may be damaged.
     Cut,
-    /// The chunk there cannot be read, which has been told.
+    /// The chunk cannot be read, which has been reported.
     Chunk,
 }
 
-/// What bytes may be that are looked at for a record to go on with.
+/// What the bytes at a place of the search may be.
 enum Guess {
     Nothing,
-    /// More bytes tell.
+    /// More bytes decide.
     Unclear,
     /// A chunk of this length with its head, and of this size unpacked.
     Chunk(usize, u64),
@@ -115,7 +115,7 @@ impl Deframer {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// Where in the file the record starts that is not yet whole.
+    /// Offset of the record that is not yet complete.
     pub(crate) fn offset(&self) -> u64 {
         self.offset
     }
@@ -144,8 +144,8 @@ impl Deframer {
         }
     }
 
-    /// The last record is a chunk that cannot be read. Its length may be what is damaged: the next whole chunk is looked for from its
-    /// second byte on. Only before more bytes come.
+    /// The last record is a chunk that cannot be read. Its length may be damaged: the search for the next intact chunk begins at its
+    /// second byte. Only before more bytes come.
     pub(crate) fn distrust(&mut self) {
         let Some(first) = self.start.checked_sub(self.last).filter(|_| self.stage == Stage::Records) else { return };
         if !self.spend(self.last as u64 + unpacked_size(&self.buffer[first..self.start])) {
@@ -160,8 +160,8 @@ impl Deframer {
     /// The next record; `None` when more bytes are needed, or none can follow.
     ///
     /// # Errors
-    /// Bytes that are no record. When it [is lost](Self::is_lost) then, none can be found behind them; else the next call goes on
-    /// with the next whole chunk.
+    /// Bytes that are no record. If it [is lost](Self::is_lost) then, none can be found behind them; otherwise the next call continues
+    /// with the next intact chunk.
     pub(crate) fn next(&mut self) -> Result<Option<Frame<'_>>, Damage> {
         if self.stage == Stage::FirstMagic && !self.magic(Stage::Records)? {
             return Ok(None);
@@ -231,14 +231,14 @@ impl Deframer {
         left.is_some()
     }
 
-    /// From here on a whole chunk is looked for. The checksum of everything is that of something else then.
+    /// Begins the search for an intact chunk here. The checksum of all data does not apply any more.
     fn search(&mut self, reason: Reason) {
         self.stage = Stage::Search;
         self.gap = Some(Gap { offset: self.offset, reason });
         self.crc = None;
     }
 
-    /// Goes on to the next whole chunk, or to the end of the data; false when it is not all there yet, or there is none.
+    /// Advances to the next intact chunk or to the end of the data; false when it is not complete yet, or there is none.
     fn find_chunk(&mut self) -> bool {
         loop {
             let waiting = self.waiting();
@@ -267,7 +267,7 @@ impl Deframer {
         Damage { offset: self.offset, found, expected: expected.into(), skipped: 0 }
     }
 
-    /// Goes on to `then` behind the magic bytes; false when they are not all there yet.
+    /// Advances to `then` behind the magic bytes; false when they are not complete yet.
     fn magic(&mut self, then: Stage) -> Result<bool, Damage> {
         let there = self.waiting().len().min(MAGIC.len());
         let found = &self.waiting()[..there];
@@ -297,11 +297,11 @@ impl Deframer {
         }
     }
 
-    /// Length of the next record with its head; `None` when it is not yet whole.
+    /// Length of the next record with its head; `None` when it is not yet complete.
     fn record_length(&self) -> Option<usize> {
         let length = Fields(self.waiting().get(1..)?).u64()?;
-        let whole = HEAD + length as usize;
-        (self.waiting().len() >= whole).then_some(whole)
+        let complete = HEAD + length as usize;
+        (self.waiting().len() >= complete).then_some(complete)
     }
 
     /// Compares the checksum of everything before the end of the data section with what that says.
@@ -318,7 +318,7 @@ impl Deframer {
 }
 
 impl Gap {
-    /// What is to be told of it when it reaches up to `end`; `None` when that has been told.
+    /// The damage to report when it reaches up to `end`; `None` when it has been reported.
     fn damage(&self, end: u64) -> Option<Damage> {
         let (found, expected) = match &self.reason {
             Reason::NoRecord(found, expected) => (found.clone(), expected.clone()),
@@ -356,13 +356,13 @@ fn guess(bytes: &[u8]) -> Guess {
         if !fits || packed.checked_add(CHUNK_FIELDS + word) != Some(length) {
             return Some(Guess::Nothing);
         }
-        let whole = HEAD + length as usize;
-        Some(if bytes.len() < whole { Guess::Unclear } else { Guess::Chunk(whole, size) })
+        let complete = HEAD + length as usize;
+        Some(if bytes.len() < complete { Guess::Unclear } else { Guess::Chunk(complete, size) })
     };
     head().unwrap_or(Guess::Unclear)
 }
 
-/// The first record of a chunk's content, and what follows it; `None` when the bytes are no whole record.
+/// The first record of a chunk's content, and what follows it; `None` when the bytes are no complete record.
 pub(crate) fn split_record(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
     let mut fields = Fields(bytes.get(1..)?);
     let length = fields.u64()?;

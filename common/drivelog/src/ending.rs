@@ -7,7 +7,7 @@ use crate::damage::Damage;
 pub enum Ending {
     /// As it should, with its index.
     Complete,
-    /// In the middle of something: whoever wrote it was killed, or the disk was full.
+    /// In the middle of a record: its writer was killed, or the disk was full.
     Cut {
         /// Size of what can be read, bytes.
         offset: u64,

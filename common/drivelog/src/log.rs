@@ -166,7 +166,7 @@ impl Log {
     /// The next message or the end of the stream of `T`, passing over everything else; `None` at the end of the log.
     ///
     /// # Errors
-    /// When something cannot be read; the next call goes on behind it.
+    /// When something cannot be read; the next call continues behind it.
     pub fn next_of<T: Logged>(&mut self) -> Result<Option<Entry<T>>, LogError> {
         until_entry(|| self.step_of())
     }
@@ -182,7 +182,7 @@ impl Log {
     /// The next picture or the end of the stream of `P`, as [`next_of`](Self::next_of).
     ///
     /// # Errors
-    /// When something cannot be read; the next call goes on behind it.
+    /// When something cannot be read; the next call continues behind it.
     pub fn next_picture<P: Pictures>(&mut self) -> Result<Option<Entry<Image>>, LogError> {
         until_entry(|| self.step_picture::<P>())
     }
@@ -223,10 +223,10 @@ impl Log {
         (closed + read, closed + bytes + self.waiting_bytes)
     }
 
-    /// Goes on to the next message of any topic; false at the end of the log.
+    /// Advances to the next message of any topic; false at the end of the log.
     ///
     /// # Errors
-    /// When something cannot be read; the next call goes on behind it.
+    /// When something cannot be read; the next call continues behind it.
     pub fn advance(&mut self) -> Result<bool, LogError> {
         while self.current.is_some() || self.open_next()? {
             let Some(Current { path, reader, .. }) = &mut self.current else { continue };
@@ -240,7 +240,7 @@ impl Log {
         Ok(false)
     }
 
-    /// The message that was last gone on to.
+    /// The current message.
     #[must_use]
     pub fn message(&self) -> Option<RawMessage<'_>> {
         self.current.as_ref().and_then(|current| current.reader.message())

@@ -135,7 +135,7 @@ impl Recording {
         self.log.raw(PoseView::TOPIC, PoseView::format, times, seq as u32, &PoseView::encode(scan, stamp_ns))
     }
 
-    /// Adds a tile, and from time to time the whole map as Foxglove shows it.
+    /// Adds a tile, and from time to time the complete map as Foxglove shows it.
     ///
     /// # Errors
     /// As [`message`](Self::message).

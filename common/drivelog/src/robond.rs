@@ -87,7 +87,7 @@ fn scans(measured: &[[f64; 9]], posed: &[[f64; 4]]) -> Result<Vec<(u64, SonarSca
         }
         let pose = Pose { x_m: x_mm / 1e3, y_m: y_mm / 1e3, yaw_rad: (heading_tenths / 10.0).to_radians() };
         let scan = SonarScan::new(pose, &readings(ranges_mm), false);
-        scan.validate().map_err(|invalid| wrong(index, &invalid.to_string(), "numbers that can be meant"))?;
+        scan.validate().map_err(|invalid| wrong(index, &invalid.to_string(), "numbers in range"))?;
         scans.push((stamp_ns, scan));
     }
     Ok(scans)

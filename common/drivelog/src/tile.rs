@@ -12,7 +12,7 @@ use crate::decode_error::DecodeError;
 /// Bytes of a cell: its log-odds as a little-endian `f32`.
 const CELL_BYTES: usize = 4;
 
-/// Fields that follow those of the grid, under numbers that no grid uses: whoever knows only the grid skips them.
+/// Fields that follow those of the grid, under numbers that no grid uses: a reader of plain grids skips them.
 #[derive(Clone, PartialEq, Message)]
 struct Rest {
     #[prost(uint64, tag = "1001")]

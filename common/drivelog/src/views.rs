@@ -13,7 +13,7 @@ use crate::tile::{pose, timestamp};
 
 /// Bytes of a cell of the picture: red, green, blue, alpha.
 const PIXEL: usize = 4;
-/// The largest map that is drawn whole, cells: 100 m × 100 m in cells of 5 cm. Of a larger one the log holds the tiles.
+/// The largest map of which a picture is recorded, cells: 100 m × 100 m in cells of 5 cm. Of a larger one the log holds the tiles.
 const MAX_CELLS: usize = 4 << 20;
 /// Shade of a cell of which nothing is known; known ones are at most 254.
 const UNKNOWN: u8 = u8::MAX;

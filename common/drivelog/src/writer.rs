@@ -97,7 +97,7 @@ impl LogWriter {
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK))
-            // A chunk reaches the file whole or, at its end, not at all.
+            // A chunk reaches the file completely or not at all.
             .disable_seeking(true)
             .library(concat!("stillmap ", env!("CARGO_PKG_VERSION")))
             .create(NoSeek::new(outbox.clone()))?;

@@ -385,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_that_wait_for_a_folder_are_counted_until_they_are_written() {
+    fn messages_that_wait_for_a_folder_are_written_later() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out/drive.mcap");
         let mut log = RunLog::open(&path, preamble(), Written::default()).unwrap();

@@ -36,7 +36,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let preamble = describe(membership.run(), settings)?;
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
-    let Saved { last, log } = checkpoint.restore(Saved::from_snapshot).unwrap_or_default();
+    let RecorderState { last, log } = checkpoint.restore(RecorderState::from_snapshot).unwrap_or_default();
     let log = RunLog::open(&path, preamble, log).map_err(|error| anyhow!("{}: the log cannot be created: {error}", path.display()))?;
     tracing::info!("recording into {}", log.path().display());
     let mut inputs = Inputs::open(&mut shell, settings.recorder.pictures)?;
@@ -53,7 +53,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         flush_every: Duration::from_secs_f64(settings.recorder.flush_s.get()),
         flushed_at: Instant::now(),
         last,
-        saved: Saved { last, log: Written::default() },
+        saved: RecorderState { last, log: Written::default() },
         acknowledged: None,
         syncing: None,
     };
@@ -62,13 +62,13 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
 
 /// State that the next recorder of the run restores.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-struct Saved {
+struct RecorderState {
     /// The last messages in the log.
     last: PerStream,
     log: Written,
 }
 
-impl Saved {
+impl RecorderState {
     fn from_snapshot(snapshot: &Snapshot<'_>) -> Result<Self, postcard::Error> {
         let mut saved: Self = postcard::from_bytes(snapshot.state)?;
         if snapshot.before_a_stop {
@@ -103,7 +103,7 @@ struct Recorder {
     /// The last ones received.
     last: PerStream,
     /// State at the last flush, as it was saved.
-    saved: Saved,
+    saved: RecorderState,
     /// The last ones that were acknowledged.
     acknowledged: Option<PerStream>,
     /// The log has ended, and the disk is taking it.
@@ -185,7 +185,7 @@ impl Recorder {
     /// Saves the state. Without it a restarted recorder receives messages again that are in the log.
     fn save(&mut self) {
         // Acknowledged whether or not the write succeeded: a full disk must not stop a run in lockstep.
-        let saved = Saved { last: self.last, log: self.log.written() };
+        let saved = RecorderState { last: self.last, log: self.log.written() };
         if self.saved != saved || self.checkpoint.is_missing() {
             match postcard::to_allocvec(&saved) {
                 Ok(bytes) => self.checkpoint.save(&bytes),
