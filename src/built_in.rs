@@ -12,6 +12,6 @@ mod tests {
     #[test]
     fn built_in_files_are_valid() {
         settings::Settings::parse("demo.toml", DEMO).unwrap();
-        simulator::World::parse("hall.toml", HALL).unwrap();
+        world_file::parse("hall.toml", HALL).unwrap();
     }
 }

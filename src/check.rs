@@ -66,7 +66,7 @@ pub(crate) fn read(path: &Path) -> anyhow::Result<Settings> {
 /// Checks the files that settings name.
 pub(crate) fn check_files(settings: &Settings) -> anyhow::Result<()> {
     if settings.runs(BuiltIn::Simulator) {
-        simulator::read_world(&settings.simulator.world)?;
+        world_file::read(&settings.simulator.world)?;
     }
     if settings.runs(BuiltIn::Playback) {
         drivelog::Log::open(&settings.playback.log)?;

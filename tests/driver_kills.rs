@@ -10,7 +10,7 @@ use std::path::Path;
 use drivelog::{Entry, Log};
 use messages::{CameraFrame, ProcessStatus, SonarScan};
 use settings::Settings;
-use simulator::{Packet, Simulation, read_world};
+use simulator::{Packet, Simulation};
 
 use crate::harness::blocked_file::{BlockedFile, Room};
 use crate::harness::processes::{Exit, kill, resume, stop};
@@ -60,7 +60,7 @@ impl Drive {
     /// The packets that the robot sends on this drive, received or not.
     fn packets(&self) -> Vec<Packet> {
         let settings = Settings::parse("demo.toml", &self.deployment.to_toml()).unwrap();
-        let world = read_world(&settings.simulator.world).unwrap();
+        let world = world_file::read(&settings.simulator.world).unwrap();
         let mut drive = Simulation::new(&world, &stillmap::process::robot::body(&settings.robot), settings.simulator.seed.get().into());
         std::iter::from_fn(|| Some(drive.next_packet()?.0)).collect()
     }

@@ -5,7 +5,6 @@ mod common;
 
 use libfuzzer_sys::fuzz_target;
 use settings::{DocumentError, Settings};
-use simulator::World;
 
 const HALL: &str = include_str!("../../config/worlds/hall.toml");
 
@@ -17,7 +16,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     if how % 2 == 0 {
         deployment(&text(common::DEMO));
-    } else if let Err(error) = World::parse("fuzzing.toml", &text(HALL)) {
+    } else if let Err(error) = world_file::parse("fuzzing.toml", &text(HALL)) {
         in_one_line(&error);
     }
 });

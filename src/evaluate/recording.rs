@@ -66,7 +66,7 @@ fn without_walkers(log: &Path, settings: &Settings, chain: &Chain) -> anyhow::Re
 }
 
 fn empty_drive(path: &Path, settings: &Settings) -> anyhow::Result<Drive> {
-    let mut world: World = simulator::read_world(path)?;
+    let mut world: World = world_file::read(path)?;
     world.walkers.clear();
     let body = robot::body(&settings.robot);
     Ok(Drive::through(&world, &body, settings.robot.range_limit_m.get(), None, u64::from(settings.simulator.seed.get())))

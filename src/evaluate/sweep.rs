@@ -132,7 +132,7 @@ fn drive_settings(options: &DriveArgs) -> anyhow::Result<Settings> {
 fn read(path: &Path) -> anyhow::Result<World> {
     let name = path.display().to_string();
     let text = document::read_text(path)?;
-    let empty = simulator::World::parse(&name, &text)?.walkers.is_empty();
+    let empty = world_file::parse(&name, &text)?.walkers.is_empty();
     Ok(World { name, text, empty })
 }
 

@@ -17,7 +17,7 @@ use std::process::{Command, ExitCode};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-use simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, World, read_world};
+use simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, World};
 
 /// What is at the other end of the cable.
 enum End {
@@ -56,7 +56,7 @@ impl SharedCable {
 fn main() -> ExitCode {
     let mut arguments = std::env::args_os().skip(1);
     let sockets = PathBuf::from(arguments.next().unwrap());
-    let world = read_world(Path::new(&arguments.next().unwrap())).unwrap();
+    let world = world_file::read(Path::new(&arguments.next().unwrap())).unwrap();
     let listener = UnixListener::bind(sockets.join("control")).unwrap();
     let mut machine = Command::new(arguments.next().unwrap()).args(arguments).spawn().unwrap();
     let cable = SharedCable(Arc::new((Mutex::new(Cable { end: End::Nothing, adapter: None }), Condvar::new())));

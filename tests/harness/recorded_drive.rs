@@ -30,7 +30,7 @@ impl RecordedDrive {
 
 fn log_of(deployment: &Deployment, pictures: bool) -> Vec<u8> {
     let settings = Settings::parse("drive.toml", &deployment.to_toml()).unwrap();
-    let world = simulator::read_world(&settings.simulator.world).unwrap();
+    let world = world_file::read(&settings.simulator.world).unwrap();
     let (body, seed) = (stillmap::process::robot::body(&settings.robot), settings.simulator.seed.get().into());
     let preamble = Preamble {
         run: 1,

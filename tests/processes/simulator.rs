@@ -6,8 +6,8 @@ use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use ::simulator::Optics;
 use ::simulator::camera::{Camera, Flaws, Picture};
-use ::simulator::{Optics, World};
 use bus::{Domain, FrameReader, Reader, Received};
 use messages::{CameraFrame, FrameLayout, Pictures, PixelFormat, TruthMask, TruthScan, TruthSurfaces};
 use psos::{Deframer, Sip, number};
@@ -232,7 +232,7 @@ fn pictures<P: Pictures>(reader: &mut FrameReader<P>) -> Vec<(u64, u64, Vec<u8>)
 #[track_caller]
 fn check_pictures(taken: &[(u64, u64, Vec<u8>)], first: u64, which: fn(&Picture) -> &Vec<u8>) {
     let optics = Optics { size_px: [80, 60], interval_ns: 200_000_000, ..Optics::default() };
-    let mut camera = Camera::new(&World::parse("world", WORLD).unwrap(), &optics, &Flaws::default(), 1);
+    let mut camera = Camera::new(&world_file::parse("world", WORLD).unwrap(), &optics, &Flaws::default(), 1);
     assert_eq!(taken.iter().map(|(seq, ..)| *seq).collect::<Vec<_>>(), (first..=camera.total_frames()).collect::<Vec<_>>());
     let mut picture = Picture::default();
     for (seq, stamp_ns, bytes) in taken {

@@ -3,8 +3,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use messages::Pose;
+use stillmap_simulator::Optics;
 use stillmap_simulator::camera::{Camera, Flaws, Picture};
-use stillmap_simulator::{Optics, World};
 
 /// Frames that are taken in turn, from a second after the walkers have come.
 const FRAMES: std::ops::Range<u64> = 300..600;
@@ -14,7 +14,7 @@ fn bench(c: &mut Criterion) {
         ("empty", include_str!("../../../config/worlds/corridor-empty.toml")),
         ("walkers", include_str!("../../../config/worlds/corridor.toml")),
     ] {
-        let Ok(world) = World::parse("corridor.toml", text) else { continue };
+        let Ok(world) = world_file::parse("corridor.toml", text) else { continue };
         for size_px in [[160, 120], [320, 240], [640, 480]] {
             let field_of_view_rad = 70_f64.to_radians();
             let optics =

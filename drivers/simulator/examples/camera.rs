@@ -10,13 +10,13 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use messages::Pose;
+use stillmap_simulator::Optics;
 use stillmap_simulator::camera::{Camera, Flaws, Picture};
-use stillmap_simulator::{Optics, read_world};
 
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (Some(world), Some(prefix)) = (arguments.next(), arguments.next()) else { bail!("expected WORLD.toml and PREFIX") };
-    let world = read_world(Path::new(&world))?;
+    let world = world_file::read(Path::new(&world))?;
     let (mut width, mut rate_hz, mut height_m, mut view_deg, mut seed, mut from_s, mut to_s) =
         (160, 15.0, 0.3, 70.0, 1, 0.0, f64::INFINITY);
     for argument in arguments {

@@ -35,8 +35,9 @@ mod wall;
 pub mod world;
 
 pub use body::Body;
+pub use check::WorldFault;
 pub use journey::STANDSTILL_NS;
 pub use optics::Optics;
 pub use robot_end::RobotEnd;
 pub use simulation::{PACKET_INTERVAL_NS, PING_INTERVAL_NS, Packet, Reading, Simulation};
-pub use world::{World, read_world};
+pub use world::World;

@@ -209,7 +209,7 @@ mod tests {
     const LOOK_EAST: Pose = Pose { x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
 
     fn echoes_of(world: &str, legs: &[Leg], sonar: Pose, mirrored: bool) -> Option<Echo> {
-        let world: World = World::parse("test", &format!("robot = {{ start_m = [0, 0], way = [] }}\n{world}")).unwrap();
+        let world: World = document::parse("test", &format!("robot = {{ start_m = [0, 0], way = [] }}\n{world}")).unwrap();
         Acoustics::new(&world.sonar, &world.surfaces).first_echo(&Still::of(&world), legs, &sonar, mirrored)
     }
 

@@ -2,9 +2,6 @@
 //!
 //! Places are `[x, y]` in metres in the world's frame (right-handed), headings counter-clockwise from x.
 
-use document::DocumentError;
-use std::path::Path;
-
 use serde::Deserialize;
 
 use crate::quantity::{
@@ -43,16 +40,6 @@ pub struct World {
     /// `[[walker]]`: people.
     #[serde(default, rename = "walker")]
     pub walkers: Vec<Walker>,
-}
-
-impl World {
-    /// Reads a world from TOML text; `file` is what errors call the text.
-    ///
-    /// # Errors
-    /// The first problem of the text, in one line with file, line, key, value and what was expected.
-    pub fn parse(file: &str, text: &str) -> Result<Self, DocumentError> {
-        document::parse_checked(file, text, Self::check)
-    }
 }
 
 /// `[robot]`: where the robot starts and how it is driven.
@@ -196,12 +183,4 @@ pub struct Walker {
     /// `[[walker.way]]`: the places to walk to, in order; at the last one the walker leaves.
     #[serde(rename = "way")]
     pub path: Vec<Goal>,
-}
-
-/// Reads a world's file.
-///
-/// # Errors
-/// When the file cannot be read; otherwise its first problem, in one line with file, line, key, value and what was expected.
-pub fn read_world(path: &Path) -> Result<World, DocumentError> {
-    World::parse(&path.display().to_string(), &document::read_text(path)?)
 }

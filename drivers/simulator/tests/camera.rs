@@ -30,7 +30,7 @@ const WALKERS: &str = "walker = [
 ]\n";
 
 fn world(text: &str) -> World {
-    World::parse("test", &format!("{text}{ROBOT}")).unwrap()
+    world_file::parse("test", &format!("{text}{ROBOT}")).unwrap()
 }
 
 fn optics(size_px: [u32; 2]) -> Optics {

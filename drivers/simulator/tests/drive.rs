@@ -10,12 +10,12 @@ use stillmap_simulator::{Body, Optics, PACKET_INTERVAL_NS, Packet, Simulation, W
 const QUIET: &str = "sonar = { noise_m = 0, noise_share = 0, crosstalk = 0, missed = 0 }\n";
 
 fn world(toml: &str) -> World {
-    World::parse("test", toml).unwrap_or_else(|error| panic!("{error}"))
+    world_file::parse("test", toml).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn of_file(name: &str) -> World {
     let path = format!("{}/../../config/worlds/{name}", env!("CARGO_MANIFEST_DIR"));
-    stillmap_simulator::read_world(path.as_ref()).unwrap_or_else(|error| panic!("{error}"))
+    world_file::read(path.as_ref()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn pioneer() -> Body {
@@ -128,9 +128,10 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_does_not() {
 #[test]
 fn a_resumed_drive_equals_one_that_never_stopped() {
     let mut world = of_file("corridor.toml");
-    world.odometry = World::parse("test", "robot = { start_m = [0, 0], way = [] }\nodometry = { wander_deg = 1, distance_share = 0.02 }")
-        .unwrap()
-        .odometry;
+    world.odometry =
+        world_file::parse("test", "robot = { start_m = [0, 0], way = [] }\nodometry = { wander_deg = 1, distance_share = 0.02 }")
+            .unwrap()
+            .odometry;
     let entire = drive(&world, 3);
     for resumed_at in [1, 2, 250, 600] {
         let mut simulation = Simulation::new(&world, &pioneer(), 3);
@@ -223,7 +224,7 @@ proptest! {
     #[test]
     fn every_reading_is_within_what_a_sonar_can_say(x_m in -1.0..15.0, y_m in -2.0..4.0, heading_deg in -180.0..180.0, seed: u64) {
         let mut world = of_file("corridor-empty.toml");
-        world.robot = World::parse("test", &format!(
+        world.robot = world_file::parse("test", &format!(
             "[robot]\nstart_m = [{x_m:.3}, {y_m:.3}]\nheading_deg = {heading_deg:.1}\nway = [{{ to_m = [{x_m:.3}, {y_m:.3}], stop_s = 2 }}]"
         )).unwrap().robot;
         for (packet, truth) in drive(&world, seed) {

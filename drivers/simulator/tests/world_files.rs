@@ -1,13 +1,11 @@
 //! World files that are wrong: one clear line each, and never a panic.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
-use stillmap_simulator::World;
-
 const ROBOT: &str = "robot = { start_m = [0, 0], way = [{ to_m = [1, 0] }] }";
 
 #[track_caller]
 fn check(text: &str, expect: &str) {
-    match World::parse("world.toml", text) {
+    match world_file::parse("world.toml", text) {
         Ok(_) => panic!("accepted, expected: {expect}"),
         Err(error) => assert_eq!(error.to_string(), expect),
     }
@@ -38,7 +36,7 @@ fn a_way_through_things_is_refused() {
     let expected = "world.toml:1: robot.way[0].to_m = [1, 0]: expected a place that the robot reaches without driving through things";
     check(&format!("{ROBOT}\nwall = [{{ along_m = [[0.5, -1], [0.5, 1]] }}]"), expected);
     check(&format!("{ROBOT}\npillar = [{{ centre_m = [0.5, 0.2], radius_m = 0.25 }}]"), expected);
-    World::parse("world.toml", &format!("{ROBOT}\nwall = [{{ along_m = [[0.5, 0.1], [0.5, 1]] }}]")).unwrap();
+    world_file::parse("world.toml", &format!("{ROBOT}\nwall = [{{ along_m = [[0.5, 0.1], [0.5, 1]] }}]")).unwrap();
 }
 
 #[test]
@@ -56,7 +54,7 @@ fn damaged_files_give_one_line_and_never_a_panic() {
     let mut refused = 0;
     let mut read = |bytes: &[u8]| {
         let Ok(text) = std::str::from_utf8(bytes) else { return };
-        if let Err(error) = World::parse("world.toml", text) {
+        if let Err(error) = world_file::parse("world.toml", text) {
             let line = error.to_string();
             assert!(line.starts_with("world.toml:") && !line.contains('\n'), "{line}");
             refused += 1;

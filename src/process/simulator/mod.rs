@@ -9,7 +9,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use super::robot;
-use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation, read_world};
+use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation};
 use anyhow::Result;
 use bus::{BusError, Writer};
 use drive_state::DriveState;
@@ -38,7 +38,7 @@ const FAREWELL_LOOK: Duration = Duration::from_millis(10);
 /// # Errors
 /// When the world cannot be read, the robot gets no port, or the bus fails.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
-    let world = read_world(&settings.simulator.world)?;
+    let world = world_file::read(&settings.simulator.world)?;
     let body = robot::body(&settings.robot);
     let mut simulation = Simulation::new(&world, &body, u64::from(settings.simulator.seed.get()));
     let checkpoint = shell.checkpoint();

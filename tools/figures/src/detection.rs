@@ -2,8 +2,8 @@
 
 use messages::{FrameLayout, PixelFormat, Pose, seconds};
 use sbs::{Frame, Parameters, State};
+use simulator::Optics;
 use simulator::camera::{Camera, Flaws, LABEL_WALKER, Picture};
-use simulator::{Optics, World};
 
 use crate::picture;
 use crate::scenes::{CORRIDOR, Error};
@@ -61,7 +61,7 @@ pub(crate) fn figure() -> Result<String, Error> {
 
 /// The drive up to its last moment that is shown.
 fn moments() -> Result<Vec<Moment>, Error> {
-    let world = World::parse("corridor.toml", CORRIDOR)?;
+    let world = world_file::parse("corridor.toml", CORRIDOR)?;
     let mut camera = Camera::new(&world, &optics(), &Flaws::default(), SEED);
     let mut sbs = State::new(Parameters::default());
     let mut mean: Vec<f32> = Vec::new();

@@ -4,7 +4,7 @@ use evaluate::{Chain, Drive, Eyes, filter, mapped};
 use mapping::Mapper;
 use messages::Layer;
 use simulator::blobs::Failings;
-use simulator::{Body, Optics, World};
+use simulator::{Body, Optics};
 
 use crate::detection::optics;
 use crate::raster;
@@ -49,7 +49,7 @@ pub(crate) fn figure() -> Result<String, Error> {
 
 /// A drive with the filter's verdicts, and the map of it, both layers.
 fn drive() -> Result<(Drive, Mapper), Error> {
-    let world = World::parse("hall.toml", HALL)?;
+    let world = world_file::parse("hall.toml", HALL)?;
     let optics = Optics { interval_ns: 66_666_667, ..optics() };
     let eyes = Eyes { optics, failings: Failings::default() };
     let chain = Chain::default();

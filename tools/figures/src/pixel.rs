@@ -2,7 +2,6 @@
 
 use messages::{Pose, seconds};
 use sbs::mixture::{EmRule, GREY_LEVELS, learn};
-use simulator::World;
 use simulator::camera::{Camera, Flaws, LABEL_SHADOW, LABEL_WALKER, Moment, Picture};
 
 use crate::chart::{Axis, Chart, legend};
@@ -60,7 +59,7 @@ pub(crate) fn figure() -> Result<String, Error> {
 
 /// The values of the pixel of a standing camera that shows both people and their shadows most often.
 fn pixel_process() -> Result<Vec<f64>, Error> {
-    let world = World::parse("corridor.toml", CORRIDOR)?;
+    let world = world_file::parse("corridor.toml", CORRIDOR)?;
     let mut camera = Camera::new(&world, &optics(), &Flaws { drift: 0.0, ..Flaws::default() }, SEED);
     let mut picture = Picture::default();
     let mut pictures = Vec::with_capacity(FRAMES);
