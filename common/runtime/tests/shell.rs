@@ -2,9 +2,11 @@
 #![expect(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use bus::{Domain, Reader, Received, Writer};
 use messages::{DeploymentStatus, Heartbeat, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarScan, Text};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillmap_runtime::{Context, Next, PersistedState, Process, RunState, Shell, StepError};
 
 /// A domain that no other test shares.
@@ -19,6 +21,17 @@ fn scan(x_m: f64) -> SonarScan {
 
 fn shell(domain: &Domain, process: &str) -> Shell {
     Shell::join(domain.membership_for(process, 0, "settings.toml".as_ref())).unwrap()
+}
+
+/// Longest wait before a look: neither heartbeats nor the history that a member gets when it joins wake a reader.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Does what a supervisor does a few times a second: sends members that have joined what they missed.
+fn attend(domain: &Domain) {
+    let descriptors = domain.descriptors();
+    let mut polled: Vec<_> = descriptors.iter().map(|descriptor| PollFd::new(descriptor, PollFlags::IN)).collect();
+    poll(&mut polled, Some(&Timespec { tv_sec: 0, tv_nsec: PATIENCE.subsec_nanos().into() })).unwrap();
+    domain.refresh();
 }
 
 fn sequence(reader: &mut Reader<SonarScan>) -> Vec<u64> {
@@ -118,26 +131,21 @@ fn who_is_needed_stays_when_it_has_finished_and_what_it_said_can_be_had_again() 
     });
     let mut beats = 0;
     while beats < 3 {
-        domain.refresh();
         while let Some(Received::Message(beat)) = heartbeats.take().unwrap() {
             assert!(!source.is_finished(), "it has gone");
             beats += u32::from(beat.phase == Phase::Ending as u32);
         }
-        std::thread::yield_now();
+        attend(&domain);
     }
     let mut sink = shell(&domain, "sink");
     let mut reader: Reader<SonarScan> = sink.reader().unwrap();
     let mut taken = Vec::new();
     while taken.len() < 4 {
+        sink.wait_for_inputs(PATIENCE).unwrap();
         taken.extend(sequence(&mut reader));
-        std::thread::yield_now();
     }
     assert_eq!(taken, [1, 2, 3, 1_000_003]);
     statuses.send(2, 2, &told(ProcessState::Finished)).unwrap();
-    while !source.is_finished() {
-        domain.refresh();
-        std::thread::yield_now();
-    }
     source.join().unwrap();
     drop((sink, reader, heartbeats, statuses));
     domain.close().unwrap();
