@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::harness::processes::kill;
-use crate::harness::{Deployment, Run, Sandbox, is_running, worlds};
+use crate::harness::{Deployment, OCCUPIED, PgmMap, Run, Sandbox, is_running, worlds};
 
 /// Starts the demo's deployment with camera motion made from the truth and with patience: a busy machine changes nothing then, since no
 /// picture is skipped and no verdict is given before all that it rests on has arrived.
@@ -39,8 +39,37 @@ fn the_demo_removes_ghosts_and_keeps_walls() {
     assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
 }
 
-/// More of the walls may be lost than in the drive above: whether the pillar that a walker passes closely is taken for the walker depends
-/// on milliseconds in the stamps of scans.
+/// The map frame begins where the robot does: at (1.0, 2.2) of the hall.
+const START_M: [f64; 2] = [1.0, 2.2];
+
+/// A part of the hall's walls that a live drive loses at times.
+struct KnownLoss {
+    what: &'static str,
+    centre_m: [f64; 2],
+    radius_m: f64,
+    /// Its share of the walls.
+    share: f64,
+}
+
+/// What the filter loses of the walls beyond 3 %. The list may only get shorter, and its figures smaller.
+const KNOWN_LOSSES: [KnownLoss; 1] = [
+    // Measured in 16 live drives: lost in 6, while all other losses are 0.3 to 1.1 %. Whether it is taken for the walker that passes it
+    // closely depends on milliseconds in the stamps of scans.
+    KnownLoss { what: "the pillar on the right", centre_m: [9.0, 3.6], radius_m: 0.25, share: 0.082 },
+];
+
+impl KnownLoss {
+    /// Whether no cell of it is in the map.
+    fn is_in(&self, map: &PgmMap) -> bool {
+        let reach_m = self.radius_m + 0.1;
+        let steps = (reach_m / 0.025).ceil() as i32;
+        let offsets = || (-steps..=steps).map(|step| f64::from(step) * 0.025);
+        let around = offsets().flat_map(|dx| offsets().map(move |dy| [dx, dy])).filter(|[dx, dy]| dx.hypot(*dy) <= reach_m);
+        let [x_m, y_m] = [0, 1].map(|axis| self.centre_m[axis] - START_M[axis]);
+        !around.into_iter().any(|[dx, dy]| map.at(x_m + dx, y_m + dy) == OCCUPIED)
+    }
+}
+
 #[test]
 fn a_live_drive_removes_ghosts_and_replays_to_equal_maps() {
     let sandbox = Sandbox::new();
@@ -50,7 +79,12 @@ fn a_live_drive_removes_ghosts_and_replays_to_equal_maps() {
     let figures = evaluated(&sandbox);
     let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
     assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
-    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.1 && share("f1") > 0.7, "{figures}");
+    assert!(share("ghosts_removed") > 0.7 && share("f1") > 0.7, "{figures}");
+    let map = PgmMap::read(&out);
+    let known: Vec<&KnownLoss> = KNOWN_LOSSES.iter().filter(|known| known.is_in(&map)).collect();
+    let elsewhere = share("walls_lost") - known.iter().map(|known| known.share).sum::<f64>();
+    let what: Vec<&str> = known.iter().map(|known| known.what).collect();
+    assert!(elsewhere < 0.03, "{elsewhere} of the walls lost beside {what:?}: {figures}");
     assert_eq!(figures["runs"][0]["ghosts_removed"], figures["ghosts_removed"]);
     let log = out.join("drive.mcap");
     assert_eq!(sandbox.replayed(&log, "again"), sandbox.replayed(&log, "and-again"));
