@@ -25,12 +25,13 @@ impl Wiring {
     /// Checks a service whose type has this path.
     fn check(&self, service: &Service, path: &str) {
         let name = path.rsplit("::").next().unwrap_or_default();
-        let with = |port: &str| {
-            let declared = format!("{port}<{name}>");
-            self.0.iter().filter(move |(_, source)| source.contains(&declared)).map(|(kind, _)| kind.word())
+        let with = |ports: &[&str]| {
+            let declared: Vec<String> = ports.iter().map(|port| format!("{port}<{name}>")).collect();
+            let declares = move |source: &str| declared.iter().any(|port| source.contains(port));
+            self.0.iter().filter(move |(_, source)| declares(source)).map(|(kind, _)| kind.word())
         };
-        let mut from: Vec<&str> = with("Writer").chain(service.replay.map(|_| "playback")).collect();
-        let mut to: Vec<&str> = with("Reader").filter(|kind| *kind != "injector").collect();
+        let mut from: Vec<&str> = with(&["Writer", "Answers"]).chain(service.replay.map(|_| "playback")).collect();
+        let mut to: Vec<&str> = with(&["Reader"]).filter(|kind| *kind != "injector").collect();
         to.extend((service.recorded != Recorded::No).then_some("recorder"));
         to.extend(service.shown.then_some("viewer"));
         let declared = |names: &[&'static str]| {
