@@ -3,6 +3,8 @@
 use crate::exit::BadInput;
 use crate::output;
 use clap::Args;
+use drivelog::Log;
+use messages::{CameraFrame, SonarScan};
 use pioneer::{Address, Opening};
 use rustix::fs::OFlags;
 use settings::{BuiltIn, NetworkPort, Port, Program, Settings};
@@ -69,7 +71,17 @@ pub(crate) fn check_files(settings: &Settings) -> anyhow::Result<()> {
         world_file::read(&settings.simulator.world)?;
     }
     if settings.runs(BuiltIn::Playback) {
-        drivelog::Log::open(&settings.playback.log)?;
+        check_log(settings)?;
+    }
+    Ok(())
+}
+
+/// Fails for a log whose first messages cannot be played: playback would pass over all of them, and the processes would wait for ever.
+fn check_log(settings: &Settings) -> anyhow::Result<()> {
+    let open = || Log::open(&settings.playback.log);
+    open()?.next_of::<SonarScan>()?;
+    if settings.runs(BuiltIn::Sbs) {
+        open()?.next_picture::<CameraFrame>()?;
     }
     Ok(())
 }

@@ -24,6 +24,9 @@ pub enum DecodeError {
     /// A picture in an encoding that is not recorded.
     #[error("the picture's encoding is {0:?}, expected mono8, yuyv or rgb8")]
     Encoding(String),
+    /// A message of a numbered stream without its number.
+    #[error("its sequence number is missing, expected 1 or more{0}")]
+    Unnumbered(&'static str),
     /// Invalid numbers.
     #[error(transparent)]
     Invalid(#[from] Invalid),

@@ -64,5 +64,8 @@ pub(crate) fn decode(data: &[u8]) -> Result<(u64, Image), DecodeError> {
     };
     let layout = FrameLayout { width: image.width, height: image.height, stride: image.step, format: *format as u32 };
     layout.validate(image.data.len())?;
+    if rest.seq == 0 {
+        return Err(DecodeError::Unnumbered(" in the field 1001 of the picture"));
+    }
     Ok((rest.seq, Image { layout, bytes: image.data.into() }))
 }

@@ -326,6 +326,9 @@ fn is_sequenced(topic: &str) -> bool {
 fn decode<T: Logged>(data: &[u8]) -> Result<(u64, T), DecodeError> {
     let (seq, payload) = T::decode(data)?;
     payload.validate()?;
+    if T::SERVICE.sequenced && seq == 0 {
+        return Err(DecodeError::Unnumbered(""));
+    }
     Ok((seq, payload))
 }
 

@@ -110,3 +110,15 @@ fn what_is_no_picture_of_ours_is_named() {
     check(&|found| found.step = 39, "stride is 39");
     check(&|found| found.data = vec![0; 100].into(), "bytes is 100, expected stride × (height − 1) + a row");
 }
+
+#[test]
+fn a_picture_without_its_number_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let Image { layout, bytes } = image(16, 16, PixelFormat::Grey, 0, 1);
+    let mut recording = Recording::new(&payloads::preamble(1)).unwrap();
+    recording.picture::<CameraFrame>(0, 7, &layout, &bytes).unwrap();
+    std::fs::write(&path, recording.finish().unwrap()).unwrap();
+    let error = Log::open(&path).unwrap().next_picture::<CameraFrame>().unwrap_err().to_string();
+    assert!(error.contains("its sequence number is missing, expected 1 or more in the field 1001 of the picture"), "{error}");
+}

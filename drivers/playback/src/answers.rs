@@ -1,4 +1,4 @@
-//! How far the consumers of the replayed stream have answered it.
+//! How far the consumers of a replayed stream have answered it.
 
 /// A process that consumes the replayed stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -7,9 +7,22 @@ pub struct Consumer {
     pub name: String,
     /// It ends by itself once the stream has ended; until then it may be killed and need the end of the stream again.
     pub ends_itself: bool,
+    /// How many other consumers stand before it: it waits for their answers.
+    pub depth: u8,
 }
 
-/// What the consumers have said so far.
+/// A consumer that playback waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Behind<'a> {
+    /// How many other consumers stand before it.
+    pub depth: u8,
+    /// The last message that it has answered.
+    pub answered: u64,
+    /// Its name in the deployment.
+    pub name: &'a str,
+}
+
+/// The answers of the consumers so far.
 #[derive(Debug, Clone)]
 pub struct Answers {
     consumers: Vec<State>,
@@ -18,19 +31,19 @@ pub struct Answers {
 #[derive(Debug, Clone)]
 struct State {
     consumer: Consumer,
-    /// The last message it has answered; none before it has said anything.
+    /// The last message that it has answered; `None` before its first report.
     answered: Option<u64>,
 }
 
 impl Answers {
-    /// Nothing said yet.
+    /// No answer yet.
     #[must_use]
     pub fn new(consumers: impl IntoIterator<Item = Consumer>) -> Self {
         Self { consumers: consumers.into_iter().map(|consumer| State { consumer, answered: None }).collect() }
     }
 
-    /// A process has answered every message up to `seq`. One that was restarted may say less than before: what it then lacks
-    /// is in the history of the stream.
+    /// A process has answered every message up to `seq`. A restarted process may report less than before: what it lacks is in the
+    /// history of the stream.
     pub fn answered(&mut self, process: &str, seq: u64) {
         for state in self.consumers.iter_mut().filter(|state| state.consumer.name == process) {
             state.answered = state.answered.max(Some(seq));
@@ -42,27 +55,34 @@ impl Answers {
         self.consumers.retain(|state| state.consumer.name != process);
     }
 
-    /// The last message that every consumer has answered, where those that have said nothing are taken to have answered
-    /// `assumed`; `None` when there is no consumer left.
+    /// The last message that every consumer has answered, where those without a report count as having answered `assumed`; `None`
+    /// without a consumer.
     #[must_use]
     pub fn floor(&self, assumed: u64) -> Option<u64> {
         self.consumers.iter().map(|state| state.answered.unwrap_or(assumed)).min()
     }
 
-    /// Who is farthest behind, and the last message it has answered.
+    /// The consumer that keeps the others waiting: of those that have not answered the message `last`, the one with the fewest before
+    /// it, and of these the slowest.
     #[must_use]
-    pub fn slowest(&self) -> Option<(&str, u64)> {
-        let answered = |state: &State| state.answered.unwrap_or_default();
-        self.consumers.iter().map(|state| (state.consumer.name.as_str(), answered(state))).min_by_key(|(_, seq)| *seq)
+    pub fn behind(&self, last: u64) -> Option<Behind<'_>> {
+        let behind = self.consumers.iter().filter(|state| state.answered < Some(last));
+        behind
+            .map(|State { consumer, answered }| Behind {
+                depth: consumer.depth,
+                answered: answered.unwrap_or_default(),
+                name: &consumer.name,
+            })
+            .min()
     }
 
-    /// Whether a consumer has not said how far it is.
+    /// Whether a consumer has not reported its progress.
     #[must_use]
     pub fn lack_one(&self) -> bool {
         self.consumers.iter().any(|state| state.answered.is_none())
     }
 
-    /// Whether nobody will need the stream again, whose last message is `last`.
+    /// Whether no consumer can need the stream again, whose last message is `last`.
     #[must_use]
     pub fn are_complete(&self, last: u64) -> bool {
         self.consumers.iter().all(|state| !state.consumer.ends_itself && state.answered >= Some(last))
@@ -74,27 +94,44 @@ mod tests {
     use super::*;
 
     fn answers() -> Answers {
-        let consumer = |name: &str, ends_itself| Consumer { name: name.to_owned(), ends_itself };
+        let consumer = |name: &str, ends_itself| Consumer { name: name.to_owned(), ends_itself, depth: u8::from(ends_itself) };
         Answers::new([consumer("recorder", false), consumer("mapping", true)])
     }
 
     #[test]
-    fn the_slowest_counts() {
+    fn the_slowest_consumer_decides() {
         let mut answers = answers();
         assert_eq!((answers.floor(0), answers.floor(5), answers.lack_one()), (Some(0), Some(5), true));
         answers.answered("recorder", 0);
         assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), true));
         answers.answered("mapping", 9);
-        assert_eq!((answers.floor(5), answers.lack_one(), answers.slowest()), (Some(0), false, Some(("recorder", 0))));
+        assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), false));
         answers.answered("recorder", 7);
-        answers.answered("somebody", 1);
+        answers.answered("unknown", 1);
         assert_eq!(answers.floor(0), Some(7));
         answers.answered("mapping", 3);
         assert_eq!(answers.floor(0), Some(7), "a restart takes nothing back");
     }
 
     #[test]
-    fn who_is_over_is_not_waited_for() {
+    fn the_first_consumer_in_line_that_is_behind_is_named() {
+        let consumer = |name: &str, depth| Consumer { name: name.to_owned(), ends_itself: true, depth };
+        let mut answers = Answers::new([consumer("mapping", 2), consumer("fti", 1), consumer("std", 0)]);
+        let named = |answers: &Answers| answers.behind(9).map(|behind| (behind.name.to_owned(), behind.answered));
+        assert_eq!(named(&answers), Some(("std".to_owned(), 0)));
+        answers.answered("mapping", 2);
+        answers.answered("fti", 4);
+        answers.answered("std", 5);
+        assert_eq!(named(&answers), Some(("std".to_owned(), 5)), "mapping and fti wait for it");
+        answers.answered("std", 9);
+        assert_eq!(named(&answers), Some(("fti".to_owned(), 4)), "mapping waits for it");
+        answers.answered("fti", 9);
+        answers.answered("mapping", 9);
+        assert_eq!(answers.behind(9), None);
+    }
+
+    #[test]
+    fn a_consumer_that_is_over_is_not_waited_for() {
         let mut answers = answers();
         answers.answered("mapping", 9);
         answers.over("recorder");
@@ -104,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_stays_available_until_those_that_end_by_it_have() {
+    fn the_end_stays_available_until_consumers_have_ended() {
         let mut answers = answers();
         answers.answered("mapping", 9);
         answers.answered("recorder", 8);

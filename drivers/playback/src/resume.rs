@@ -1,4 +1,4 @@
-//! What a restarted playback goes on from.
+//! The state that a restarted playback resumes from.
 
 use std::collections::VecDeque;
 
@@ -42,18 +42,18 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Messages up to a note that a restarted playback sends again.
+    /// Messages before the saved place that a restarted playback sends again.
     fn again(&self) -> usize {
         self.replay.resent(self.history) as usize
     }
 }
 
-/// How far playback may have come, kept for its next incarnation.
+/// How far playback may have sent, saved for its next incarnation.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Resume {
-    /// Of each stream nothing after this message has been sent.
+    /// For each stream, a message after which nothing has been sent.
     pub reserved: [u64; STREAMS.len()],
-    /// The message of each stream behind which a restarted playback begins.
+    /// For each stream, the message after which a restarted playback begins.
     pub begin_behind: [u64; STREAMS.len()],
     /// When messages are due, for a live replay.
     pub schedule: Option<Schedule>,
@@ -62,7 +62,7 @@ pub struct Resume {
 }
 
 impl Resume {
-    /// Makes room for a message of a stream that is about to be sent; true when the note has changed and has to be kept first.
+    /// Reserves the number of a message that is about to be sent; true if the state has changed and must be saved before.
     pub fn reserve(&mut self, stream: usize, seq: u64) -> bool {
         let (Some(reserved), Some(begin_behind)) = (self.reserved.get_mut(stream), self.begin_behind.get_mut(stream)) else { return false };
         let (Some(sent), Some(of)) = (self.sent.get_mut(stream), STREAMS.get(stream)) else { return false };
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_note_is_taken_before_it_is_passed() {
+    fn a_place_is_saved_before_it_is_passed() {
         let mut resume = Resume::default();
         let notes: Vec<u64> = (1..=200).filter(|seq| resume.reserve(0, *seq)).collect();
         assert_eq!(notes, [1, 65, 129, 193]);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_note_reads_as_it_was_written() {
+    fn a_saved_state_reads_as_it_was_written() {
         let noted = Resume { reserved: [77, 5, 78], begin_behind: [3, 1, 4], schedule: Some(Schedule::new(5, 6)), ..Resume::default() };
         for resume in [Resume::default(), noted] {
             assert_eq!(Resume::from_bytes(&resume.to_bytes()), Some(resume));
@@ -140,9 +140,8 @@ mod tests {
         rows.iter().flat_map(row).collect()
     }
 
-    /// Playback and a consumer die together, and again each time when so many messages more have been sent: whatever the
-    /// consumer's checkpoint, what it lacks is sent again, something is new to it, and all of it fits the history that it finds
-    /// when it comes later.
+    /// Playback and a consumer are killed together, each time after so many further messages: for every checkpoint of the consumer, what
+    /// it lacks is sent again, something is new to it, and all of it fits into the history.
     fn check_restarts(stream: usize, log: &[u64], lives: &[usize], window: u64, interval: u64, behind: u64) -> Result<(), TestCaseError> {
         let Stream { history, replay: Replay { lead, .. }, .. } = STREAMS[stream];
         let up_to = |seq: u64| log.partition_point(|it| *it <= seq);
@@ -174,17 +173,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_a_restarted_consumer_lacks_comes_again(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
+        fn a_restarted_consumer_receives_what_it_lacks(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
             check_restarts(0, &numbers(&rows), &lives, window, interval, behind)?;
         }
 
         #[test]
-        fn so_do_pictures(rows in rows(), lives in lives(), window in 1u64..=u64::from(Replay::FRAMES.window), interval in 1u64..=8, behind: u64) {
+        fn a_restarted_consumer_receives_the_pictures_it_lacks(rows in rows(), lives in lives(), window in 1u64..=u64::from(Replay::FRAMES.window), interval in 1u64..=8, behind: u64) {
             check_restarts(1, &numbers(&rows), &lives, window, interval, behind)?;
         }
 
         #[test]
-        fn so_do_camera_motions(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
+        fn a_restarted_consumer_receives_the_camera_motion_it_lacks(rows in rows(), lives in lives(), window in 1u64..=256, interval in 1u64..=128, behind: u64) {
             check_restarts(2, &numbers(&rows), &lives, window, interval, behind)?;
         }
     }

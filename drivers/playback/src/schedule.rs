@@ -1,24 +1,24 @@
 //! Live: when a message of the log is due.
 
-/// Lays the log's time over the deployment's clock.
+/// Maps the time of the log to the deployment's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     /// On the deployment's clock, ns.
     anchor_ns: u64,
     /// On the log's time line, ns.
     anchor_stamp_ns: u64,
-    /// Nanoseconds of the log in one of the deployment's clock; 0 while it stands still.
+    /// Nanoseconds of the log per nanosecond of the deployment's clock; 0 while it is paused.
     rate: f64,
 }
 
 impl Schedule {
-    /// The message with the stamp `first_stamp_ns` is due at `now_ns` of the deployment's clock, and the log goes as fast as it.
+    /// The message with the stamp `first_stamp_ns` is due at `now_ns` of the deployment's clock, and the log runs at its speed.
     #[must_use]
     pub fn new(now_ns: u64, first_stamp_ns: u64) -> Self {
         Self { anchor_ns: now_ns, anchor_stamp_ns: first_stamp_ns, rate: 1.0 }
     }
 
-    /// From `now_ns` on, the log goes on from where it is, `rate` times as fast as the deployment's clock; 0 to stand still.
+    /// From `now_ns` on, the log continues `rate` times as fast as the deployment's clock; 0 pauses it.
     #[must_use]
     pub fn paced(self, now_ns: u64, rate: f64) -> Self {
         let passed_ns = now_ns.saturating_sub(self.anchor_ns) as f64 * self.rate;
@@ -26,17 +26,17 @@ impl Schedule {
         Self { anchor_ns: now_ns, anchor_stamp_ns: self.anchor_stamp_ns.saturating_add(passed_ns as u64), rate }
     }
 
-    /// Nanoseconds of the log in one of the deployment's clock; 0 while it stands still.
+    /// Nanoseconds of the log per nanosecond of the deployment's clock; 0 while it is paused.
     #[must_use]
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// Time on the deployment's clock until a message is due; 0 when it is, `u64::MAX` when it never is.
+    /// Time on the deployment's clock until a message is due: 0 when it is due, `u64::MAX` when it never is.
     #[must_use]
     pub fn due_in_ns(&self, now_ns: u64, stamp_ns: u64) -> u64 {
         let ahead_ns = stamp_ns.saturating_sub(self.anchor_stamp_ns);
-        // What was due when the log was stopped still comes.
+        // A message that was due when the log was paused is still sent.
         if ahead_ns == 0 {
             return self.anchor_ns.saturating_sub(now_ns);
         }
@@ -59,12 +59,8 @@ impl Schedule {
         let (numbers, []) = bytes.as_chunks::<8>() else { return None };
         let [anchor_ns, anchor_stamp_ns, rate] = numbers else { return None };
         let rate = f64::from_le_bytes(*rate);
-        let can_be_meant = rate.is_finite() && rate >= 0.0;
-        can_be_meant.then(|| Self {
-            anchor_ns: u64::from_le_bytes(*anchor_ns),
-            anchor_stamp_ns: u64::from_le_bytes(*anchor_stamp_ns),
-            rate,
-        })
+        let is_valid = rate.is_finite() && rate >= 0.0;
+        is_valid.then(|| Self { anchor_ns: u64::from_le_bytes(*anchor_ns), anchor_stamp_ns: u64::from_le_bytes(*anchor_stamp_ns), rate })
     }
 }
 
@@ -84,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_holds_back_what_was_not_due_and_a_pace_goes_on_from_there() {
+    fn a_pause_delays_what_was_not_due() {
         let paused = Schedule::new(1_000, 0).paced(3_000, 0.0);
         assert_eq!((paused.due_in_ns(9_000, 2_000), paused.due_in_ns(9_000, 2_001)), (0, u64::MAX));
         let fast = paused.paced(10_000, 4.0);

@@ -11,7 +11,7 @@ pub struct Head {
     pub last_ns: u64,
 }
 
-/// Whose turn it is.
+/// Which stream sends next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Turn {
     /// The next message is that of this stream.
@@ -24,8 +24,8 @@ pub enum Turn {
 
 /// The stream whose message goes next: the earliest in sensor time.
 ///
-/// Where that has to wait for its consumers, another may go on by one message beyond it: who joins two streams answers a
-/// message of one only when it knows that none before it is to come of the other.
+/// If that stream has to wait for its consumers, another may send one message beyond it: a consumer that joins two streams answers a
+/// message of one only when it knows that the other has no earlier message.
 #[must_use]
 pub fn turn(heads: &[Option<Head>]) -> Turn {
     let heads = || heads.iter().enumerate().filter_map(|(stream, head)| Some((stream, (*head)?)));
@@ -63,10 +63,10 @@ mod tests {
     }
 
     proptest! {
-        /// One consumer answers a scan when it has a frame that is no older, another answers each frame at once: everything is
-        /// sent, whatever the rates and windows, and no stream gets ahead by more than a message.
+        /// One consumer answers a scan when it has a frame that is no older, another answers each frame at once: everything is sent at
+        /// any rate and window, and no stream is ahead by more than one message.
         #[test]
-        fn who_joins_two_streams_never_stops_them(
+        fn a_consumer_that_joins_two_streams_never_stops_them(
             gaps in [prop::collection::vec(0u64..50, 0..60), prop::collection::vec(0u64..50, 0..60)],
             window in 1usize..4,
         ) {

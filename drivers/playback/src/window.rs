@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-/// Keeps no more than so many messages between playback and its slowest consumer.
+/// Limits the number of messages between playback and its slowest consumer.
 ///
-/// Once full, it opens again when half of it is free: consumers answer in bursts, and playback wakes as seldom.
+/// Once full, it opens again when half of it is free: consumers answer in bursts, and playback wakes less often.
 #[derive(Debug, Clone)]
 pub struct Window {
     size: usize,
@@ -22,7 +22,7 @@ impl Window {
         Self { size: (size as usize).max(1), outstanding: VecDeque::new(), floor: 0, open: true }
     }
 
-    /// From now on so many messages may be on the way, at least 1.
+    /// Changes the size, at least 1.
     pub fn resize(&mut self, size: u32) {
         self.size = (size as usize).max(1);
         self.answered(self.floor);
@@ -45,7 +45,7 @@ impl Window {
         self.open && self.outstanding.len() < self.size
     }
 
-    /// A message was sent; one that is sent again though every consumer has answered it takes no place.
+    /// A message was sent. One that every consumer has answered before takes no place.
     pub fn sent(&mut self, seq: u64) {
         if seq > self.floor {
             self.outstanding.push_back(seq);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is missing in the numbers, and however consumers answer: never more on the way than fits, and never a standstill.
+        /// With any gaps in the numbers and any order of answers, never more messages are on the way than fit, and it never gets stuck.
         #[test]
         fn never_too_far_ahead_and_never_stuck(size in 1u32..300, steps in prop::collection::vec((1u64..1_000, 0usize..300), 1..300)) {
             let mut window = Window::new(size);

@@ -15,10 +15,10 @@ pub(super) trait Source {
     /// Number and stamp of the message that was found; `None` at the end of the stream.
     fn peek(&self) -> Option<(u64, u64)>;
 
-    /// Sends that message, unless it is only to be passed over.
+    /// Sends that message, or skips it.
     fn pass(&mut self, send: bool) -> Result<(), BusError>;
 
-    /// Says that the stream ends.
+    /// Publishes the end of the stream.
     fn end(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError>;
 
     /// Bytes of the log that have been read, and bytes of all its files.
@@ -45,7 +45,7 @@ impl<T> Cursor<T> {
         while self.next.is_none() && !self.at_end {
             match step(&mut self.log)? {
                 Step::Entry(Entry::Message { seq, stamp_ns, payload }) => self.next = Some((seq, stamp_ns, payload)),
-                // A run that was stopped and started again continues behind the end.
+                // A run that was stopped and resumed continues after the end.
                 Step::Entry(Entry::End { .. }) | Step::Other if round_is_over() => return Ok(false),
                 Step::Entry(Entry::End { .. }) | Step::Other => {}
                 Step::AtEnd => self.at_end = true,
@@ -129,20 +129,20 @@ impl<P: Pictures> Source for Images<P> {
     }
 }
 
-/// A stream with those who consume it.
+/// A stream with its consumers.
 pub(super) struct Lane {
     pub(super) source: Box<dyn Source>,
     /// Its place among the streams of [`Resume`](::playback::Resume).
     pub(super) stream: usize,
     pub(super) service: &'static str,
-    /// Nobody lacks this message or one before it.
+    /// No consumer lacks this message or an earlier one.
     pub(super) begin_behind: u64,
-    /// What a consumer has answered that has not said so.
+    /// What a consumer without a report has answered.
     pub(super) assumed: u64,
     pub(super) answers: Answers,
     /// `None` live.
     pub(super) window: Option<Window>,
-    /// Size of the window once every consumer has said how far it is.
+    /// Size of the window once every consumer has reported its progress.
     pub(super) size: u32,
     /// Number and stamp of the last message that was passed.
     pub(super) last: (u64, u64),
@@ -157,7 +157,7 @@ impl Lane {
         if !self.answers.lack_one() {
             window.resize(self.size);
         }
-        // Without a consumer there is nobody to wait for.
+        // Without a consumer there is nothing to wait for.
         window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
     }
 
@@ -171,14 +171,14 @@ impl Lane {
         Ok(self.ended || self.source.search(round_is_over)?)
     }
 
-    /// Its next message; says its end when there is none.
+    /// Its next message; publishes the end when there is none.
     pub(super) fn head(&mut self) -> Result<Option<Head>, StepError> {
         if self.ended {
             return Ok(None);
         }
         match self.source.peek() {
             Some((seq, stamp_ns)) => {
-                // What is only passed over takes no room.
+                // A message that is skipped takes no room.
                 let has_room = seq <= self.begin_behind || self.window.as_ref().is_none_or(Window::has_room);
                 Ok(Some(Head { stamp_ns, has_room, last_ns: self.last.1 }))
             }
@@ -189,7 +189,7 @@ impl Lane {
         }
     }
 
-    /// Passes over its next message, which has this number and stamp.
+    /// Skips its next message, which has this number and stamp.
     pub(super) fn pass_over(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
         self.last = (seq, stamp_ns);
         self.source.pass(false)

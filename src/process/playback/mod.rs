@@ -4,7 +4,7 @@ mod lane;
 
 use std::time::{Duration, Instant};
 
-use ::playback::{Answers, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
+use ::playback::{Answers, Behind, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
 use anyhow::Result;
 use bus::{Reader, Received};
 use drivelog::{Gaps, Log, LogVisitor, Logged, visit_logged};
@@ -15,9 +15,9 @@ use settings::{BuiltIn, Pace, Program, Settings};
 
 /// Most entries of the log looked at in one step: the heartbeat must not wait for a long log.
 const MOST_AT_ONCE: usize = 1024;
-/// Who has not answered for so long is named.
+/// A consumer that has not answered for this long is named.
 const LONG_WAIT: Duration = Duration::from_secs(10);
-/// Shortest wait for a due time: what is due within it is done a little late rather than by spinning.
+/// Shortest wait for a due time: what is due sooner is sent slightly late, which avoids spinning.
 const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// Counter of parts that the log lacks.
 pub(crate) const PARTS_MISSING: &str = "log parts missing";
@@ -53,7 +53,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         resume,
         live_speed: (settings.pace == Pace::Live).then_some(speed),
         first_ns: None,
-        held: None,
+        blocked: None,
         waits_for: None,
         gaps: None,
     };
@@ -133,11 +133,21 @@ impl LogVisitor for Opening<'_> {
 fn consumers(settings: &Settings, service: &str) -> Vec<Consumer> {
     let consumer = |process: &settings::Process| match process.program {
         Program::BuiltIn(kind) => {
-            answers(kind, service, settings).map(|ends_itself| Consumer { name: process.name.as_str().to_owned(), ends_itself })
+            let name = || process.name.as_str().to_owned();
+            answers(kind, service, settings).map(|ends_itself| Consumer { name: name(), ends_itself, depth: depth(kind) })
         }
         Program::Command(_) => None,
     };
     settings.process.iter().filter_map(consumer).collect()
+}
+
+/// How many other processes a consumer waits for: FTI for STD and SBS, mapping for FTI.
+fn depth(kind: BuiltIn) -> u8 {
+    match kind {
+        BuiltIn::Fti => 1,
+        BuiltIn::Mapping => 2,
+        _ => 0,
+    }
 }
 
 /// Whether a process that answers a stream ends by itself; `None` if it does not answer it.
@@ -158,17 +168,17 @@ struct Playback {
     progress: Reader<Progress>,
     statuses: Reader<DeploymentStatus>,
     control: Reader<PlaybackControl>,
-    /// Somebody who watches has asked for it to stand still.
+    /// A viewer has paused it.
     paused: bool,
-    /// Live: how many times faster than the deployment's clock the log goes.
+    /// Live: speed of the log relative to the deployment's clock.
     rate: f64,
-    /// Deployment seconds in a second of the wall; `None` in lockstep.
+    /// Deployment seconds per second of real time; `None` in lockstep.
     live_speed: Option<f64>,
     /// Stamp of the first message.
     first_ns: Option<u64>,
     /// Lockstep: since when nothing may be sent, and how much was sent before.
-    held: Option<(Instant, u64)>,
-    /// Who has kept it from sending for long, in words.
+    blocked: Option<(Instant, u64)>,
+    /// The consumer that it has waited for long, in words.
     waits_for: Option<String>,
     /// What the log lacks, once it has been read to its end.
     gaps: Option<Gaps>,
@@ -176,8 +186,8 @@ struct Playback {
 
 impl runtime::Process for Playback {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
-        self.listen()?;
-        self.obey(context)?;
+        self.take_reports()?;
+        self.take_requests(context)?;
         if context.stopping() {
             self.lanes.iter_mut().try_for_each(Lane::end)?;
             return Ok(Next::Finished);
@@ -191,8 +201,8 @@ impl runtime::Process for Playback {
 }
 
 impl Playback {
-    /// Takes what the consumers and the supervisor say.
-    fn listen(&mut self) -> Result<(), StepError> {
+    /// Takes the reports of the consumers and the supervisor.
+    fn take_reports(&mut self) -> Result<(), StepError> {
         while let Some(received) = self.progress.take()? {
             if let Received::Message(progress) = received {
                 let lanes = self.lanes.iter_mut().filter(|lane| lane.service == progress.service.as_str());
@@ -209,8 +219,8 @@ impl Playback {
         Ok(())
     }
 
-    /// Takes what somebody who watches asks for.
-    fn obey(&mut self, context: &Context<'_>) -> Result<(), StepError> {
+    /// Takes the requests of a viewer.
+    fn take_requests(&mut self, context: &Context<'_>) -> Result<(), StepError> {
         let mut asked = None;
         while let Some(received) = self.control.take()? {
             if let Received::Message(control) = received {
@@ -272,15 +282,16 @@ impl Playback {
         Ok(Next::Again)
     }
 
-    /// Names who keeps everybody waiting when that takes long.
+    /// Names the consumer that keeps the others waiting when that takes long.
     fn watch(&mut self) {
         let sent = self.lanes.iter().map(|lane| lane.sent).sum();
-        let slowest = self.lanes.iter().filter(|lane| lane.is_held()).find_map(|lane| Some((lane, lane.answers.slowest()?)));
-        let Some((lane, (name, answered))) = slowest.filter(|_| !self.paused) else {
-            (self.held, self.waits_for) = (None, None);
+        let blocked = self.lanes.iter().filter(|lane| lane.is_held());
+        let behind = blocked.filter_map(|lane| Some((lane.answers.behind(lane.last.0)?, lane)));
+        let Some((Behind { name, answered, .. }, lane)) = behind.min_by_key(|(behind, _)| *behind).filter(|_| !self.paused) else {
+            (self.blocked, self.waits_for) = (None, None);
             return;
         };
-        match self.held {
+        match self.blocked {
             Some((since, before)) if before == sent => {
                 if since.elapsed() >= LONG_WAIT && self.waits_for.is_none() {
                     let words = format!("waits for {name}, which has answered {} up to {answered} of {}", lane.service, lane.last.0);
@@ -288,7 +299,7 @@ impl Playback {
                     self.waits_for = Some(words);
                 }
             }
-            _ => (self.held, self.waits_for) = (Some((Instant::now(), sent)), None),
+            _ => (self.blocked, self.waits_for) = (Some((Instant::now(), sent)), None),
         }
     }
 
