@@ -5,12 +5,14 @@ mod motion_feed;
 mod parameters;
 mod picture_feed;
 
+use std::fs;
 use std::os::fd::BorrowedFd;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::robot;
 use ::simulator::{PACKET_INTERVAL_NS, RobotEnd, Simulation};
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use bus::{BusError, Writer};
 use drive_state::DriveState;
 use messages::{TruthScan, TruthSurfaces};
@@ -38,7 +40,7 @@ const FAREWELL_LOOK: Duration = Duration::from_millis(10);
 /// # Errors
 /// When the world cannot be read, the robot gets no port, or the bus fails.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
-    let world = world_file::read(&settings.simulator.world)?;
+    let world = world_file::read(&copy_of_world(shell.membership().directory(), &settings.simulator.world)?)?;
     let body = robot::body(&settings.robot);
     let mut simulation = Simulation::new(&world, &body, u64::from(settings.simulator.seed.get()));
     let checkpoint = shell.checkpoint();
@@ -74,6 +76,16 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         lost_bytes: 0,
     };
     Ok(shell.run(&mut process)?)
+}
+
+/// The world file as it was when the simulator first started: a changed file does not change the world in the middle of a drive.
+fn copy_of_world(domain: &Path, world: &Path) -> Result<PathBuf> {
+    let (copy, partial) = (domain.join("world.toml"), domain.join("world.toml.partial"));
+    if !copy.exists() {
+        fs::copy(world, &partial).with_context(|| format!("cannot copy {}", world.display()))?;
+        fs::rename(&partial, &copy).with_context(|| format!("cannot write {}", copy.display()))?;
+    }
+    Ok(copy)
 }
 
 /// What the robot's camera gives.
@@ -257,4 +269,22 @@ fn publish_surfaces(writer: &mut Writer<TruthSurfaces>, simulation: &Simulation)
         writer.send(seq, 0, &chunk)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_changed_world_file_does_not_change_a_drive() {
+        let folder = tempfile::tempdir().unwrap();
+        let world = folder.path().join("hall.toml");
+        for text in ["first", "second"] {
+            fs::write(&world, text).unwrap();
+            let copy = copy_of_world(folder.path(), &world).unwrap();
+            assert_eq!(fs::read_to_string(copy).unwrap(), "first");
+        }
+        fs::remove_file(&world).unwrap();
+        assert!(copy_of_world(folder.path(), &world).is_ok(), "a removed file neither");
+    }
 }
