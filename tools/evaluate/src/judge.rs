@@ -52,7 +52,7 @@ pub enum FilterError {
 /// Runs STD and FTI over a drive.
 ///
 /// # Errors
-/// Parameters that cannot be meant.
+/// Invalid parameters.
 pub fn filter(drive: &Drive, chain: &Chain) -> Result<Outcome, FilterError> {
     let mut std = Std::new(chain.std)?;
     let mut fti = fti::Fti::new(chain.fti.clone())?;

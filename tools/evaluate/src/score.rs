@@ -72,8 +72,8 @@ pub struct Tally {
 pub struct Score {
     /// Share of the ghost cells that are gone.
     pub ghosts_removed: f64,
-    /// The same of all wrong cells near a walker's way, whoever made them: also those that a mirror or another sonar made,
-    /// and that the drive without walkers has too. No filter for walkers can remove these.
+    /// The same of all wrong cells near a walker's path, whatever their cause: also those of a mirror or of another sonar, which
+    /// the drive without walkers has too. No filter for walkers can remove these.
     pub ghosts_removed_literal: f64,
     /// Share of the wall cells that true labels give and that are not there.
     pub walls_lost: f64,
@@ -189,7 +189,7 @@ impl Tally {
     /// As shares.
     #[must_use]
     pub fn score(&self) -> Score {
-        let share = |part: usize, whole: usize| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
+        let share = |part: usize, total: usize| if total == 0 { 0.0 } else { part as f64 / total as f64 };
         let (precision, recall) = (share(self.right, self.occupied), share(self.found, self.places));
         let removed = |after: usize, before: usize| if before == 0 { 1.0 } else { 1.0 - share(after, before) };
         Score {

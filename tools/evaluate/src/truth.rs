@@ -21,7 +21,7 @@ pub struct Truth {
     pub walkers_m: Vec<Vec<[f32; 2]>>,
 }
 
-/// Farther than this nobody walks between two packets, m.
+/// Farthest that a walker moves between two packets, m.
 const LEAP_M: f64 = 0.6;
 
 impl Truth {
@@ -45,7 +45,7 @@ impl Truth {
     }
 }
 
-/// The walkers' ways; whoever comes and goes takes another place in the list, which begins a new way.
+/// The paths of the walkers. A walker that comes or goes changes the places in the list, which begins a new path.
 fn ways(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
     let mut ways: Vec<Vec<[f32; 2]>> = Vec::new();
     for number in 0..messages::MAX_TRUE_WALKERS {
@@ -54,8 +54,8 @@ fn ways(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
             let places = &scan.truth.walkers_m[..scan.truth.walkers_count as usize];
             let place = places.get(number).map(|place| in_map(start, *place));
             if let Some(place) = place {
-                let goes_on = last.is_some_and(|last| (place[0] - last[0]).hypot(place[1] - last[1]) < LEAP_M);
-                if !goes_on {
+                let is_continued = last.is_some_and(|last| (place[0] - last[0]).hypot(place[1] - last[1]) < LEAP_M);
+                if !is_continued {
                     ways.push(Vec::new());
                 }
                 ways.last_mut().into_iter().for_each(|way| way.push(place.map(|number| number as f32)));

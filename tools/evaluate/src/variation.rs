@@ -10,8 +10,8 @@ pub struct Variation {
     pub walkers: Option<usize>,
     /// Decides when, how fast and how far aside each walks.
     pub seed: u64,
-    /// How long each stands at every place of his way but the last, s, or halfway where there is no other; `None`: as the file
-    /// says.
+    /// Time that each walker stands at every place of the path but the last, s, or halfway where there is no other; `None`: the times
+    /// of the file.
     pub stand_s: Option<f64>,
 }
 
@@ -21,9 +21,9 @@ pub enum VariationError {
     /// The text is no world.
     #[error("the world cannot be read: {0}")]
     World(#[from] toml::de::Error),
-    /// There is nobody to take as a model.
+    /// There is no walker to copy.
     #[error("the world has no walkers, expected at least one to make {wanted} of")]
-    Nobody {
+    NoWalker {
         /// Walkers wanted.
         wanted: usize,
     },
@@ -52,7 +52,7 @@ pub fn read_world(text: &str, variation: Variation) -> Result<World, VariationEr
             _ => Vec::new(),
         };
         if models.is_empty() && wanted > 0 {
-            return Err(VariationError::Nobody { wanted });
+            return Err(VariationError::NoWalker { wanted });
         }
         let walkers = (0..wanted).filter_map(|number| {
             let model = models.get(number % models.len())?;
@@ -113,7 +113,7 @@ fn reversed(model: &Table) -> Table {
     if let Some((Some(from), _)) = places.first() {
         walker.insert("from_m".to_owned(), from.clone());
     }
-    let way = places.iter().skip(1).filter_map(|(place, stop)| {
+    let path = places.iter().skip(1).filter_map(|(place, stop)| {
         let mut goal = Table::new();
         goal.insert("to_m".to_owned(), place.clone()?);
         if let Some(stop) = stop {
@@ -121,7 +121,7 @@ fn reversed(model: &Table) -> Table {
         }
         Some(Value::Table(goal))
     });
-    walker.insert("way".to_owned(), Value::Array(way.collect()));
+    walker.insert("way".to_owned(), Value::Array(path.collect()));
     walker
 }
 
@@ -169,14 +169,14 @@ mod tests {
     }
 
     #[test]
-    fn everyone_stands_on_his_way_for_as_long_as_wanted() {
-        let way = |text: &str| {
+    fn walkers_stand_on_their_path_for_the_given_time() {
+        let path = |text: &str| {
             let world = read_world(text, Variation { walkers: None, seed: 1, stand_s: Some(30.0) }).unwrap();
             world.walkers[0].path.iter().map(|goal| (goal.to_m.get(), goal.stop_s.get())).collect::<Vec<_>>()
         };
-        assert_eq!(way(WORLD), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
+        assert_eq!(path(WORLD), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
         let straight = WORLD.replace("{ to_m = [2, 2], stop_s = 5 }, ", "");
-        assert_eq!(way(&straight), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
+        assert_eq!(path(&straight), [([2.0, 2.0], 30.0), ([3.0, 3.0], 0.0)]);
     }
 
     #[test]

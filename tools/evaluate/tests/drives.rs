@@ -8,7 +8,7 @@ use messages::Layer;
 use simulator::Body;
 use stillmap_evaluate::{Chain, Drive, Labels, Occupancy, Scan, Tally, Variation, filter, judge, oracle, read_world, unfiltered};
 
-/// A room; somebody walks to a place beside the robot's way, stands there until the end, and the robot never looks back.
+/// A room. A walker goes to a place beside the robot's path and stands there until the end. The robot never looks back.
 const ROOM: &str = "
 wall = [{ along_m = [[0, 0], [5, 0], [5, 4], [0, 4], [0, 0]] }]
 walker = [{ from_m = [3.0, 3.5], speed_m_s = 1.0, way = [{ to_m = [2.6, 1.6], stop_s = 60 }] }]
@@ -46,20 +46,20 @@ fn true_labels_take_the_ghosts_out_and_leave_the_walls() {
     );
 }
 
-/// Somebody comes to a place before the robot, stands there for half a minute and walks off.
-const STANDER: &str = "
+/// A walker comes to a place before the robot, stands there for half a minute and leaves.
+const STATIONARY_WALKER: &str = "
 wall = [{ along_m = [[0, 0], [5, 0], [5, 4], [0, 4], [0, 0]] }]
 walker = [{ from_m = [2.2, 3.6], start_s = 1, speed_m_s = 0.8, way = [{ to_m = [2.2, 2.0], stop_s = 30 }, { to_m = [2.3, 0.4] }] }]
 [robot]
 start_m = [1.0, 2.0]
 way = [{ to_m = [1.0, 2.0], stop_s = 45 }]
 ";
-/// He comes at 3 s and leaves at 33 s.
+/// The walker comes at 3 s and leaves at 33 s.
 const LEAVES_NS: u64 = 33_000_000_000;
 
 #[test]
-fn who_stood_for_half_a_minute_is_gone_from_the_map_five_seconds_after_leaving() {
-    let world = read_world(STANDER, Variation { walkers: None, seed: 1, stand_s: None }).unwrap();
+fn a_walker_is_gone_from_the_map_five_seconds_after_leaving() {
+    let world = read_world(STATIONARY_WALKER, Variation { walkers: None, seed: 1, stand_s: None }).unwrap();
     let drive = Drive::through(&world, &body(), 3.0, None, 1);
     let mut chain = Chain::default();
     (chain.fti.camera, chain.mapping.commit) = (None, CommitRule::Verdict);
@@ -76,15 +76,15 @@ fn who_stood_for_half_a_minute_is_gone_from_the_map_five_seconds_after_leaving()
         }
         mapper.refresh();
         let shown = Occupancy::of(&mapper, Layer::Filtered).occupied;
-        // His place is 1.2 m before the start, which is the origin of the map.
+        // The place is 1.2 m before the start, which is the origin of the map.
         let there = shown.iter().filter(|cell| (f64::from(cell.column) * 0.05 - 1.2).hypot(f64::from(cell.row) * 0.05) < 0.3).count();
         if *stamp_ns < LEAVES_NS {
             stood = stood.max(there);
         } else if *stamp_ns > LEAVES_NS + 5_000_000_000 {
-            assert_eq!(there, 0, "{:.1} s after he left", (*stamp_ns - LEAVES_NS) as f64 * 1e-9);
+            assert_eq!(there, 0, "{:.1} s after the walker left", (*stamp_ns - LEAVES_NS) as f64 * 1e-9);
         }
     }
-    assert!(stood > 5 && decided > 300, "{stood} cells, {decided} scans: he was in the map");
+    assert!(stood > 5 && decided > 300, "{stood} cells, {decided} scans: the walker was in the map");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::svg::{Anchor, DIM, INK, Svg};
 const WIDTH: u32 = 160;
 const HEIGHT: u32 = 120;
 const SEED: u64 = 1;
-/// Moments shown: as many, so far apart, with somebody in so much of the picture.
+/// Moments shown: their number, their distance in frames, and the share of the picture that a walker covers.
 const MOMENTS: usize = 4;
 const APART_FRAMES: u64 = 60;
 const FIRST_FRAME: u64 = 60;
@@ -91,7 +91,7 @@ fn moments() -> Result<Vec<Moment>, Error> {
             return Ok(moments);
         }
     }
-    Err(format!("{} moments with somebody in the picture, expected {MOMENTS}", moments.len()).into())
+    Err(format!("{} moments with a walker in the picture, expected {MOMENTS}", moments.len()).into())
 }
 
 /// What a subtraction that knows nothing of the camera's own motion takes for moving; the mean takes the picture in.

@@ -1,4 +1,4 @@
-//! Fig. 3: time-variant maps of a robot that stands in a room somebody crosses, and what STD makes of them (section 4).
+//! Fig. 3: time-variant maps of a robot that stands in a room while a person crosses it, and the result of STD (section 4).
 
 use geometry::Beam;
 use geometry::{Cell, CellSize};
@@ -16,7 +16,7 @@ const SONARS_DEG: [f64; 5] = [-30.0, -15.0, 0.0, 15.0, 30.0];
 /// The room's far wall and side walls, m.
 const FAR_M: f64 = 2.2;
 const ASIDE_M: f64 = 1.3;
-/// Who crosses it: distance from the robot, radius, and where he is at each scan, m.
+/// The person who crosses it: distance from the robot, radius, and place at each scan, m.
 const PERSON_X_M: f64 = 1.25;
 const PERSON_RADIUS_M: f64 = 0.25;
 const PERSON_Y_M: [f64; 3] = [0.75, 0.25, -0.25];
@@ -54,12 +54,12 @@ pub(crate) fn figure() -> Result<String, Error> {
         }
         draw_robot(&mut svg, at);
     }
-    let words = "A room of 2.2 × 2.6 m, five sonars ahead, somebody crosses it from the robot's left to its right. Darker: newer. Red: moves, for it was seen free.";
+    let words = "A room of 2.2 × 2.6 m, five sonars ahead, a person crosses it from the robot's left to its right. Darker: newer. Red: moves, for it was seen free.";
     svg.text([14.0, 384.0], Anchor::Start, 12.0, DIM, words);
     Ok(svg.finish())
 }
 
-/// What the sonars hear of the room and of somebody at this place.
+/// The readings of the room and of a person at this place.
 fn scan(person_y_m: f64) -> SonarScan {
     let readings: Vec<SonarReading> = (0..)
         .zip(SONARS_DEG)
