@@ -102,6 +102,15 @@ impl LogFile {
     }
 }
 
+#[cfg(test)]
+impl LogFile {
+    /// The same file on a disk that fails: every write gives EIO, as one to an address does at which no memory is.
+    pub(crate) fn on_a_failing_disk(self) -> Self {
+        let file = File::options().write(true).open("/proc/self/mem").unwrap_or(self.file);
+        Self { file, path: self.path, written: self.written }
+    }
+}
+
 /// Renames a log with all its parts, if there is one: `drive.mcap` to `drive-<run>.mcap`.
 fn rename_existing(path: &Path) -> io::Result<()> {
     let parts = following_parts(path)?;

@@ -370,6 +370,23 @@ mod tests {
     }
 
     #[test]
+    fn a_file_whose_writes_fail_is_continued_by_the_next_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        let mut log = RunLog::open(&path, preamble(), Written::default()).unwrap();
+        record(&mut log, 1..=2);
+        log.flush().unwrap();
+        log.file = log.file.on_a_failing_disk();
+        record(&mut log, 3..=3);
+        log.flush().unwrap();
+        record(&mut log, 4..=4);
+        end(&mut log);
+        assert_eq!((scans(&path), scans(&folder.path().join("drive.2.mcap"))), (vec![1, 2, 3, 4], vec![3, 4]));
+        assert_eq!((log.not_recorded(), log.parts_missing(), log.write_error()), (0, 0, None));
+        assert_eq!(info(&path).unwrap().gaps.lines(), [""; 0]);
+    }
+
+    #[test]
     fn an_earlier_part_that_is_removed_is_missed_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
