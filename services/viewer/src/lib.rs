@@ -7,7 +7,7 @@
 //!
 //! A second port serves Foxglove and Lichtblick, which subscribe to the topics of a log as they are published.
 //!
-//! - Core: [`Board`], [`Scene`], [`Status`], the [`http`] requests and the [`access`] rules, one [`Connection`] over any stream, and
+//! - Core: [`Board`], [`Scene`], the [`http`] requests and the [`access`] rules, one [`Connection`] over any stream, and
 //!   the [`Feed`](foxglove::Feed) of the subscribers.
 //! - Sockets: [`Server`] and [`Port`](foxglove::Port), which never block. The process that owns them and the bus are in the
 //!   `stillmap` command.
