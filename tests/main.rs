@@ -1,10 +1,16 @@
 //! Whole deployments: the `stillmap` command and its processes, observed from outside.
 //!
-//! One binary, so that the product is linked once: `cargo test -p stillmap --test stillmap [PART OF A NAME]`. Its tests run as threads
-//! of one process, so none of them changes the environment, the working directory or the limits of that process: each has a
-//! [`harness::Sandbox`] and sets them for the commands that it starts.
+//! One binary, so that the product is linked once. Its tests run as threads of one process, so none of them changes the environment, the
+//! working directory or the limits of that process: each has a [`harness::Sandbox`] and sets them for the commands that it starts.
 //!
-//! Two tests are run by name: [`soak`] with a thousand kills, and [`memory`] over an hour of driving; each says how.
+//! They take minutes, and longer with an unoptimised product: `cargo test` without arguments leaves them out. In a development build they
+//! are run by name:
+//!
+//!     cargo build --example text_driver
+//!     cargo test --features deployments --test stillmap [PART OF A NAME]
+//!
+//! Two tests are run by name in any build: [`soak`] with a thousand kills, and [`memory`] over an hour of driving; each says how.
+#![cfg(any(clippy, feature = "deployments", not(debug_assertions)))]
 #![expect(
     clippy::unwrap_used,
     clippy::panic,
