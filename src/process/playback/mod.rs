@@ -114,7 +114,7 @@ impl LogVisitor for Opening<'_> {
     fn message<T: Logged>(&mut self) -> Result<()> {
         if let Some(cursor) = self.cursor(&T::SERVICE)? {
             let source = Messages::<T> { cursor, writer: self.shell.writer()? };
-            self.add(Box::new(source), &T::SERVICE, self.settings.playback.window.get());
+            self.add(Box::new(source), &T::SERVICE, window(self.settings));
         }
         Ok(())
     }
@@ -126,6 +126,17 @@ impl LogVisitor for Opening<'_> {
         }
         Ok(())
     }
+}
+
+/// Scans with recorded camera motion that may be sent ahead. FTI reports how far it has answered the scans, and it reads the motion up
+/// to them: what it lacks after a kill is that of this window and of a checkpoint interval, 128 scans. At ten scans a second these are
+/// 450 motions of a camera with 35 pictures a second, and the history holds 512.
+const SCANS_WITH_MOTION: u32 = 64;
+
+/// Scans that lockstep sends ahead of the slowest consumer.
+fn window(settings: &Settings) -> u32 {
+    let window = settings.playback.window.get();
+    if settings.playback.camera_motion { window.min(SCANS_WITH_MOTION) } else { window }
 }
 
 /// The processes of the deployment that answer a stream, and whether each ends by itself. Commands are left out: they need not
@@ -347,4 +358,20 @@ fn hold_back(live_speed: Option<f64>, schedule: Schedule, now_ns: u64, stamp_ns:
     let due_in_ns = schedule.due_in_ns(now_ns, stamp_ns);
     let wall = Duration::from_nanos((due_in_ns as f64 / speed) as u64);
     (due_in_ns > 0).then(|| Next::WaitAtMost(wall.max(SHORTEST_WAIT)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use messages::Replay;
+
+    #[test]
+    fn recorded_camera_motion_narrows_the_window() {
+        let mut settings = Settings::default();
+        assert_eq!(window(&settings), 256);
+        settings.playback.camera_motion = true;
+        let (ahead, interval) = (u64::from(window(&settings)), Replay::SCANS.checkpoint);
+        let motions = |pictures_per_s: f64| ((ahead + interval) as f64 * pictures_per_s / 10.0) as usize;
+        assert!(motions(35.0) < CameraMotion::SERVICE.qos.history, "what FTI lacks after a kill is in the history");
+    }
 }
