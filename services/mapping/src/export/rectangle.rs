@@ -120,6 +120,18 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn a_map_of_the_largest_size_is_drawn_and_no_larger_one() {
+        let corner = tile(0, 0, &[(0, 0, 1.0)]);
+        // 7984 cells and a margin of 8 on each side are 8000.
+        let largest = [corner, tile(249, 249, &[(15, 15, -1.0)])];
+        let rectangle = Rectangle::around(largest.iter()).unwrap();
+        assert_eq!((rectangle.columns * rectangle.rows) as i64, MAX_CELLS);
+        assert_eq!((rectangle.cells[8 * 8000 + 8], rectangle.cells[7991 * 8000 + 7991]), (1.0, -1.0));
+        let larger = [corner, tile(249, 249, &[(15, 16, -1.0)])];
+        assert_eq!(Rectangle::around(larger.iter()), Err(RectangleError::TooLarge { columns: 8001, rows: 8000 }));
+    }
+
+    #[test]
     fn what_fits_no_picture_is_refused() {
         let far = [tile(0, 0, &[(0, 0, 1.0)]), tile(9_000_000, 9_000_000, &[(0, 0, 1.0)])];
         let columns = 9_000_000 * 32 + 17;
