@@ -47,12 +47,15 @@ struct Drive {
 }
 
 impl Drive {
-    fn start(pictures: bool) -> Self {
+    /// Starts it, with a robot that waits for its driver or, as a real one, does not.
+    fn start(pictures: bool, waits: bool) -> Self {
         let sandbox = Sandbox::new();
         let mut world = worlds::read("corridor-empty");
         worlds::legs(&mut world).truncate(1);
         let drive = Deployment::sonar_only(worlds::write(&sandbox, &world)).patient();
         let drive = if pictures { drive.set("simulator.camera.provides", "pictures") } else { drive };
+        // The world does not wait for a driver that is connected by path.
+        let drive = if waits { drive } else { drive.set("pioneer.port", sandbox.runtime().join("demo/robot")) };
         let run = sandbox.run(&drive, &["--speed", SPEED]);
         Self { sandbox, deployment: drive, run }
     }
@@ -218,7 +221,7 @@ fn check_pictures(log: &Path, packets: &[Packet]) {
 #[track_caller]
 fn kill_at(process: &str, moment: Moment) {
     let simulator = process == "simulator";
-    let mut drive = Drive::start(simulator);
+    let mut drive = Drive::start(simulator, ![Moment::PacketsWaiting, Moment::Ending].contains(&moment));
     match moment {
         Moment::Starting => kill(drive.run.pid_of(process)),
         Moment::Steady => {
@@ -260,7 +263,7 @@ fn kill_at(process: &str, moment: Moment) {
 /// A reader that is killed at the end receives the last scans again as long as the driver stays: the map is that of the log.
 #[track_caller]
 fn kill_a_reader(reader: &str) {
-    let mut drive = Drive::start(false);
+    let mut drive = Drive::start(false, true);
     drive.kill_a_reader_at_the_end(reader);
     drive.end(reader);
 }

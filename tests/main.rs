@@ -45,6 +45,8 @@ mod real_robot;
 mod replay_kills;
 mod resources;
 mod resume;
+mod robot_ports;
 mod security;
+mod slow_consumer;
 mod soak;
 mod terminal;

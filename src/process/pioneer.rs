@@ -7,8 +7,8 @@ use super::robot;
 use super::simulator::PORT_NAME;
 use ::pioneer::{Address, Checkpoint, Factors, Input, Opening, Output, Parameters, Port, Session, Share, Shared};
 use anyhow::Result;
-use bus::Writer;
-use messages::SonarScan;
+use bus::{Reader, Received, Writer};
+use messages::{SimulatedTime, SonarScan};
 use runtime::{Context, Next, Shell, StepError};
 use rustix::time::{ClockId, clock_gettime};
 use settings::{BuiltIn, NetworkPort, Port as PortSetting, Settings};
@@ -34,13 +34,14 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         None => Address::Device(membership.directory().join(PORT_NAME)),
     };
     let checkpoint = shell.checkpoint();
-    let kept = checkpoint.restore(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
+    let saved = checkpoint.restore(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
     shell.linger_as_source_until([BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
     let mut scans = shell.writer()?;
-    if let Some(kept) = &kept {
-        scans.send(kept.seq, kept.stamp_ns, &kept.scan)?;
+    if let Some(saved) = &saved {
+        scans.send(saved.seq, saved.stamp_ns, &saved.scan)?;
     }
-    let session = Session::new(parameters(&settings.robot, &settings.pioneer).at_speed(speed), kept);
+    let times = if settings.pioneer.port == PortSetting::Simulator { Some(shell.reader()?) } else { None };
+    let session = Session::new(parameters(&settings.robot, &settings.pioneer).at_speed(speed), saved);
     let simulated = settings.pioneer.port == PortSetting::Simulator;
     let mut process = Process {
         address,
@@ -55,6 +56,8 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         scans,
         checkpoint,
         speed,
+        times,
+        time: None,
         suspended: Suspended::new(),
     };
     Ok(shell.run(&mut process)?)
@@ -130,6 +133,10 @@ struct Process {
     scans: Writer<SonarScan>,
     checkpoint: runtime::Checkpoint,
     speed: f64,
+    /// Time in the world of a simulated robot.
+    times: Option<Reader<SimulatedTime>>,
+    /// What it was last.
+    time: Option<SimulatedTime>,
     suspended: Suspended,
 }
 
@@ -199,7 +206,13 @@ impl runtime::Process for Process {
 impl Process {
     /// Now: the deployment's clock, or time in the world of a simulated robot.
     fn now_ns(&mut self, context: &Context<'_>) -> Result<u64, StepError> {
-        Ok(context.now_ns())
+        while let Some(received) = self.times.as_mut().map_or(Ok(None), Reader::take)? {
+            if let Received::Message(time) = received {
+                self.time = Some(*time);
+            }
+        }
+        let clock_ns = context.now_ns();
+        Ok(self.time.map_or(clock_ns, |time| time.at(clock_ns)))
     }
 
     /// Takes what has come over the line, at once: how many packets waited together tells when they came. Returns whether there
@@ -301,7 +314,7 @@ impl Process {
                 Output::Baud(baud) => self.tolerate("set the baud rate of", |port| port.set_baud(baud)),
                 Output::Flush => self.tolerate("flush", |port| port.flush()),
                 Output::Reopen => self.port = None,
-                Output::Publish(kept) => self.publish(&kept)?,
+                Output::Publish(saved) => self.publish(&saved)?,
                 Output::Event(event) if event.is_warning() => tracing::warn!("{event}"),
                 Output::Event(event) => tracing::info!("{event}"),
             }
@@ -331,11 +344,11 @@ impl Process {
         }
     }
 
-    fn publish(&mut self, kept: &Checkpoint) -> Result<(), StepError> {
+    fn publish(&mut self, saved: &Checkpoint) -> Result<(), StepError> {
         // Before the scan leaves: after a kill at any moment no number is given twice.
-        self.checkpoint.save(kept.as_bytes());
-        self.stamp_ns = kept.stamp_ns;
-        Ok(self.scans.send(kept.seq, kept.stamp_ns, &kept.scan)?)
+        self.checkpoint.save(saved.as_bytes());
+        self.stamp_ns = saved.stamp_ns;
+        Ok(self.scans.send(saved.seq, saved.stamp_ns, &saved.scan)?)
     }
 
     fn wait(&self, now_ns: u64) -> Next {

@@ -1,4 +1,4 @@
-//! `control/playback`: requests of a viewer to a replay.
+//! `control/…`: requests of a viewer to a replay, and time in a simulated world.
 
 use crate::Invalid;
 use crate::layout::plain;
@@ -20,6 +20,41 @@ plain! {
         pub paused: u32,
         /// Always 0.
         pub reserved: u32,
+    }
+}
+
+plain! {
+    /// Time in a simulated world, which may lag behind the clock of the deployment.
+    pub struct SimulatedTime {
+        /// Time in the world, ns since the Unix epoch.
+        pub now_ns: u64,
+        /// Time on the clock of the deployment when it was that.
+        pub since_ns: u64,
+        /// 1 when the world's time runs with the clock since then, 0 when it stands until the next message.
+        pub runs: u32,
+        /// Always 0.
+        pub reserved: u32,
+    }
+}
+
+impl SimulatedTime {
+    /// Time in the world when the clock of the deployment shows `clock_ns`.
+    ///
+    /// ```
+    /// use stillmap_messages::SimulatedTime;
+    ///
+    /// let stands = SimulatedTime { now_ns: 100, since_ns: 150, ..SimulatedTime::default() };
+    /// assert_eq!(stands.at(170), 100);
+    /// assert_eq!(SimulatedTime { runs: 1, ..stands }.at(170), 120);
+    /// ```
+    #[must_use]
+    pub fn at(&self, clock_ns: u64) -> u64 {
+        let passed_ns = if self.runs == 1 { clock_ns.saturating_sub(self.since_ns) } else { 0 };
+        self.now_ns.saturating_add(passed_ns)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        at_most("runs", self.runs, 1, "0 or 1")
     }
 }
 

@@ -50,7 +50,7 @@ mod truth;
 mod verdict;
 
 pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat, TruthMask};
-pub use control::PlaybackControl;
+pub use control::{PlaybackControl, SimulatedTime};
 pub use delivery::{Qos, Replay};
 pub use header::{Header, Kind, StreamCursor};
 pub use health::{

@@ -9,7 +9,8 @@ use crate::delivery::{Qos, Replay};
 use crate::service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};
 use crate::{
     CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
-    PlaybackControl, Progress, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
+    PlaybackControl, Progress, SimulatedTime, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers,
+    WayChunk,
 };
 
 /// Declares services: `message TYPE { field: value, … }` or `pictures TYPE (largest picture in bytes) { … }`, with the fields of
@@ -141,7 +142,7 @@ services! {
         name: "robot/scan",
         version: 2,
         from: &["pioneer", "playback"],
-        to: &["mapping", "std", "fti", "recorder", "viewer"],
+        to: &["mapping", "std", "fti", "simulator", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -271,6 +272,21 @@ services! {
         shown: false,
     }
 
+    /// Time in a simulated world, with which the driver of its robot stamps; the newest message holds.
+    message SimulatedTime {
+        name: "control/simulated-time",
+        version: 1,
+        from: &["simulator"],
+        to: &["pioneer"],
+        qos: Qos::NEWEST,
+        wakes: false,
+        sequenced: false,
+        recorded: Recorded::No,
+        replay: None,
+        injectable: false,
+        shown: false,
+    }
+
     /// The verdicts that FTI would give now on the pending scans; the newest message holds.
     message VerdictOutlook {
         name: "map/outlook",
@@ -350,8 +366,8 @@ services! {
     message Progress {
         name: "health/progress",
         version: 1,
-        from: &["consumers of a replay"],
-        to: &["playback", "recorder"],
+        from: &["consumers of scans and pictures"],
+        to: &["playback", "simulator", "recorder"],
         qos: Qos::REPORTS,
         wakes: true,
         sequenced: false,

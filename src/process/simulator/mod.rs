@@ -2,6 +2,7 @@
 
 mod drive_state;
 mod motion_feed;
+mod pace;
 mod parameters;
 mod picture_feed;
 
@@ -17,6 +18,7 @@ use bus::{BusError, Writer};
 use drive_state::DriveState;
 use messages::{TruthScan, TruthSurfaces};
 use motion_feed::MotionFeed;
+use pace::Pace;
 pub(crate) use parameters::{failings, optics};
 use picture_feed::PictureFeed;
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
@@ -34,6 +36,12 @@ const FAREWELL: Duration = Duration::from_secs(5);
 
 /// How often, by the wall clock, to look whether it has.
 const FAREWELL_LOOK: Duration = Duration::from_millis(10);
+
+/// Longest wait before the consumers are looked at again; what they report wakes the process earlier.
+const HOLD_LOOK: Duration = Duration::from_millis(20);
+
+/// Lag behind the clock that is made up for, s on the wall: a process that is scheduled late, not one that is too slow.
+const LONGEST_LAG_S: f64 = 0.25;
 
 /// Runs the simulator of a deployment until its robot has come to the end of its way.
 ///
@@ -62,7 +70,13 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     if camera.is_some() {
         shell.linger_as_source_until([BuiltIn::Sbs, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
     }
+    let mut pace = Pace::new(&mut shell, settings)?;
+    if let Some(pace) = &mut pace {
+        let now_ns = shell.membership().clock().now_ns();
+        pace.run_from(now_ns, now_ns)?;
+    }
     let mut process = Process {
+        pace,
         camera,
         robot: RobotEnd::new(&body, settings.robot.odometry_modulus.get(), simulation.odometry()),
         truth: shell.writer()?,
@@ -125,13 +139,16 @@ impl CameraFeed {
 enum WorldClock {
     /// Not at all: the robot has not been opened since it was switched on.
     WaitsForClient,
-    /// With the deployment's clock, the drive's start being at this time on it.
-    Runs { start_ns: u64 },
+    /// The drive has begun at `start_ns` in the world. It is due as if it had begun at `paced_from_ns` on the deployment's clock, which
+    /// is later where the world had to wait.
+    Runs { start_ns: u64, paced_from_ns: u64 },
     /// The drive is over; until this time the client may read the last packets.
     Over { until_ns: u64 },
 }
 
 struct Process {
+    /// What the drive waits for; `None` where it follows the clock alone.
+    pace: Option<Pace>,
     simulation: Simulation,
     robot: RobotEnd,
     terminal: Terminal,
@@ -150,7 +167,10 @@ struct Process {
 impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         self.answer_client()?;
-        let next = if context.stopping() { Next::Finished } else { self.go_on(context.now_ns())? };
+        if let Some(pace) = &mut self.pace {
+            pace.listen()?;
+        }
+        let next = if context.stopping() { Next::Finished } else { self.advance(context.now_ns())? };
         if next == Next::Finished {
             self.truth.end(self.state.sent, self.stamp_ns)?;
             if let Some(camera) = &mut self.camera {
@@ -168,43 +188,67 @@ impl runtime::Process for Process {
 
 impl Process {
     fn answer_client(&mut self) -> Result<(), StepError> {
-        let heard = self.terminal.read()?;
-        let answer = self.robot.push(&heard);
+        let received = self.terminal.read()?;
+        let answer = self.robot.push(&received);
         self.send(&answer)
     }
 
-    fn go_on(&mut self, now_ns: u64) -> Result<Next, StepError> {
+    fn advance(&mut self, now_ns: u64) -> Result<Next, StepError> {
         match self.clock {
             _ if self.simulation.is_over() && self.clock == WorldClock::WaitsForClient => Ok(Next::Finished),
             WorldClock::WaitsForClient if !self.robot.is_open() => Ok(Next::Wait),
             WorldClock::WaitsForClient => {
                 let driven_ns = self.simulation.packets() * PACKET_INTERVAL_NS;
-                self.clock = WorldClock::Runs { start_ns: now_ns.saturating_sub(driven_ns) };
+                let start_ns = now_ns.saturating_sub(driven_ns);
+                self.clock = WorldClock::Runs { start_ns, paced_from_ns: start_ns };
+                if let Some(pace) = &mut self.pace {
+                    pace.stand_at(now_ns, false)?;
+                }
                 Ok(Next::Again)
             }
-            WorldClock::Runs { start_ns } => self.drive(now_ns, start_ns),
+            WorldClock::Runs { start_ns, paced_from_ns } => self.drive(now_ns, start_ns, paced_from_ns),
             WorldClock::Over { until_ns } if now_ns >= until_ns || self.terminal.is_drained()? => Ok(Next::Finished),
             WorldClock::Over { .. } => Ok(Next::WaitAtMost(FAREWELL_LOOK)),
         }
     }
 
     /// Makes the packets and frames that are due, in the order of their times.
-    fn drive(&mut self, now_ns: u64, start_ns: u64) -> Result<Next, StepError> {
+    fn drive(&mut self, now_ns: u64, start_ns: u64, paced_from_ns: u64) -> Result<Next, StepError> {
+        let mut paced_from_ns = paced_from_ns;
         for _ in 0..CATCH_UP_PACKETS {
-            let due_ns = start_ns + (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
-            let frame_ns = self.camera.as_ref().and_then(CameraFeed::due_ns).map_or(u64::MAX, |frame_ns| start_ns + frame_ns);
-            let next_ns = due_ns.min(frame_ns);
-            if next_ns > now_ns {
-                let wait_s = (next_ns - now_ns) as f64 * 1e-9 / self.speed;
+            let packet_ns = (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
+            let frame_ns = self.camera.as_ref().and_then(CameraFeed::due_ns).unwrap_or(u64::MAX);
+            let next_ns = packet_ns.min(frame_ns);
+            let due_ns = paced_from_ns.saturating_add(next_ns);
+            if due_ns > now_ns {
+                let wait_s = (due_ns - now_ns) as f64 * 1e-9 / self.speed;
                 return Ok(Next::WaitAtMost(Duration::from_secs_f64(wait_s)));
             }
-            if let Some(camera) = self.camera.as_mut().filter(|_| frame_ns <= due_ns) {
+            if let Some(pace) = &mut self.pace {
+                let is_read = self.terminal.is_drained()?;
+                if !pace.has_room(is_read) {
+                    return Ok(Next::WaitAtMost(HOLD_LOOK));
+                }
+                // A short wait is made up for, a long one is not: the drive would outrun its pace afterwards.
+                let longest_lag_ns = (LONGEST_LAG_S * self.speed * 1e9) as u64;
+                if now_ns - due_ns > longest_lag_ns {
+                    paced_from_ns = now_ns.saturating_sub(next_ns);
+                    self.clock = WorldClock::Runs { start_ns, paced_from_ns };
+                }
+            }
+            if let Some(camera) = self.camera.as_mut().filter(|_| frame_ns <= packet_ns) {
                 camera.send(start_ns)?;
+                if let (Some(pace), CameraFeed::Pictures(feed)) = (&mut self.pace, &*camera) {
+                    pace.frame_sent(feed.last());
+                }
                 continue;
             }
-            if !self.make_packet(due_ns)? {
+            if !self.make_packet(start_ns + packet_ns)? {
                 let farewell_ns = (FAREWELL.as_nanos() as f64 * self.speed) as u64;
                 self.clock = WorldClock::Over { until_ns: now_ns.saturating_add(farewell_ns) };
+                if let Some(pace) = &mut self.pace {
+                    pace.run_from(self.stamp_ns, now_ns)?;
+                }
                 return Ok(Next::WaitAtMost(FAREWELL_LOOK));
             }
         }
@@ -216,8 +260,12 @@ impl Process {
         let Some((packet, mut truth)) = self.simulation.next_packet() else { return Ok(false) };
         let bytes = self.robot.tick(&packet);
         self.state = DriveState { packets: packet.number, sent: self.state.sent + u64::from(!bytes.is_empty()) };
-        // Before the packet leaves: after a kill at any moment the robot goes on from where its client saw it last, or further.
+        // Before the packet leaves: after a kill at any moment the robot continues from where its client saw it last, or further.
         self.checkpoint.save(&self.state.to_bytes());
+        if let Some(pace) = &mut self.pace {
+            // Before the packet: the driver that reads it stamps it with this.
+            pace.stand_at(stamp_ns, !bytes.is_empty())?;
+        }
         if !bytes.is_empty() {
             self.send(&bytes)?;
             if !self.robot.sonars_on() {
@@ -234,7 +282,9 @@ impl Process {
         Ok(())
     }
 
-    fn report(&self, context: &mut Context<'_>) {
+    fn report(&mut self, context: &mut Context<'_>) {
+        let is_read = self.terminal.is_drained().unwrap_or(true);
+        let waits_for = self.pace.as_mut().and_then(|pace| pace.waits_for(is_read));
         let driven_s = self.simulation.packets() * PACKET_INTERVAL_NS / 1_000_000_000;
         let drive_s = self.simulation.total_packets() * PACKET_INTERVAL_NS / 1_000_000_000;
         match self.clock {
@@ -242,7 +292,10 @@ impl Process {
             WorldClock::Over { .. } => context.note("the robot has arrived"),
             WorldClock::Runs { .. } if !self.robot.is_open() => context.note("driving, but no client has the robot open"),
             WorldClock::Runs { .. } if self.robot.client_is_silent() => context.note("driving, but the client has fallen silent"),
-            WorldClock::Runs { .. } => context.note(&format!("driving, {driven_s} of {drive_s} s")),
+            WorldClock::Runs { .. } => {
+                let waits = waits_for.map_or_else(String::new, |process| format!("; waits for {process}"));
+                context.note(&format!("driving, {driven_s} of {drive_s} s{waits}"));
+            }
         }
         let line = self.robot.line();
         context.count("done", driven_s);
@@ -258,7 +311,7 @@ impl Process {
 fn resume(checkpoint: &Checkpoint, simulation: &mut Simulation) -> DriveState {
     let state = checkpoint.restore(|saved| DriveState::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
     if state.packets > 0 {
-        tracing::info!("the drive goes on after {} packets, the robot switched off and on", state.packets);
+        tracing::info!("the drive resumes after {} packets, the robot switched off and on", state.packets);
     }
     simulation.advance_to(state.packets);
     state

@@ -44,6 +44,11 @@ impl PictureFeed {
         (next <= self.camera.total_frames()).then(|| self.camera.stamp_ns(next))
     }
 
+    /// Number of the last frame that was sent.
+    pub(super) fn last(&self) -> u64 {
+        self.last
+    }
+
     /// Takes and sends the next frame, of a drive that began at this time on the deployment's clock.
     pub(super) fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
         self.last += 1;
