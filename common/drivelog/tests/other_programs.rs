@@ -134,3 +134,19 @@ fn a_recording_of_another_program_is_told_by_its_library() {
         assert!(said.ends_with(expected), "{said}");
     }
 }
+
+#[test]
+fn a_head_behind_a_damaged_chunk_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    let form = Form { chunks: true, compression: Some(Compression::Lz4), messages_first: true, description_first: false };
+    let mut bytes = rewritten(&recorded(), form);
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let chunk = summary.chunk_indexes[1].chunk_start_offset as usize;
+    // The length of the second chunk.
+    bytes[chunk + 3] ^= 0x40;
+    std::fs::write(&path, bytes).unwrap();
+    let summary = info(&path).unwrap();
+    assert_eq!(summary.preamble, payloads::preamble(7));
+    assert!(summary.damage_count > 0 && summary.gaps.messages["robot/scan"].messages < SCANS, "{summary}");
+}
