@@ -4,6 +4,7 @@
 
 use crate::{Cell, CellSize};
 use messages::{Pose, SonarReading};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// No sonar of a mobile robot hears farther; what claims to is cut here, so that work and memory stay bounded.
@@ -13,7 +14,7 @@ const FARTHEST_M: f64 = 10.0;
 const FARTHEST_FROM_ORIGIN_M: f64 = 1.1e6;
 
 /// One reading, seen from above.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[serde(try_from = "Saved")]
 pub struct Beam {
     /// The transducer in the map frame.

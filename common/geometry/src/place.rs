@@ -1,5 +1,8 @@
 //! Metres, cells and tiles.
 
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
+
 use crate::tile::{TILE_EDGE, TILE_EDGE_LOG2};
 
 /// Edge of a cell in metres: finite and above 0.
@@ -15,7 +18,7 @@ pub struct CellSizeError {
 }
 
 /// A cell by its place in the lattice; its order is that of rows, then columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, Schema)]
 pub struct Cell {
     /// Along y of the map frame.
     pub row: i32,

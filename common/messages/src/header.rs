@@ -1,5 +1,6 @@
 //! The header of every message.
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::layout::plain;
@@ -38,7 +39,7 @@ plain! {
 /// cursor.advance(StreamCursor { seq: 6, stamp_ns: 600 });
 /// assert_eq!(cursor, StreamCursor { seq: 7, stamp_ns: 700 });
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
 pub struct StreamCursor {
     /// Its sequence number; 0 before the first message.
     pub seq: u64,

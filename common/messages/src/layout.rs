@@ -180,6 +180,16 @@ macro_rules! plain {
             };
         }
 
+        impl postcard_schema::Schema for $name {
+            const SCHEMA: &'static postcard_schema::schema::NamedType = &postcard_schema::schema::NamedType {
+                name: stringify!($name),
+                ty: &postcard_schema::schema::DataModelType::Struct(&[$(&postcard_schema::schema::NamedValue {
+                    name: stringify!($field),
+                    ty: <$ty as postcard_schema::Schema>::SCHEMA,
+                }),*]),
+            };
+        }
+
         impl Default for $name {
             fn default() -> Self {
                 bytemuck::Zeroable::zeroed()

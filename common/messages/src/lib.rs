@@ -39,6 +39,7 @@ mod map;
 mod motion;
 mod name;
 mod numbered;
+pub mod payload_bytes;
 mod printable;
 mod range;
 mod reference;

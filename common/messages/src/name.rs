@@ -26,6 +26,10 @@ impl<const N: usize> Layout for Text<N> {
     const SHAPE: Shape = Shape::Text(N);
 }
 
+impl<const N: usize> postcard_schema::Schema for Text<N> {
+    const SCHEMA: &'static postcard_schema::schema::NamedType = <[u8; N]>::SCHEMA;
+}
+
 impl<const N: usize> Text<N> {
     /// Cuts at the last character that fits.
     #[must_use]

@@ -71,7 +71,7 @@ pub enum Recorded {
 /// let control = PlaybackControl { speed: 1000.0, ..PlaybackControl::default() };
 /// assert_eq!(control.validate().unwrap_err().to_string(), "speed is 1000, expected 0.1 to 100");
 /// ```
-pub trait Payload: bytemuck::Pod + Layout + Default + core::fmt::Debug {
+pub trait Payload: bytemuck::Pod + Layout + postcard_schema::Schema + Default + core::fmt::Debug {
     /// The service that carries this payload.
     const SERVICE: Service;
 

@@ -10,6 +10,9 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use bus::{Membership, make_private};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use state::{Schema, decode, encode};
 
 use crate::aside::free_name;
 use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
@@ -106,6 +109,11 @@ impl Checkpoint {
         fallback_path.or_else(|| self.restore_from(&self.path, &mut restore))
     }
 
+    /// The state that [`save_state`](Self::save_state) saved, under the conditions of [`restore`](Self::restore).
+    pub fn restore_state<T: DeserializeOwned + Schema>(&self) -> Option<T> {
+        self.restore(|saved| decode(saved.state))
+    }
+
     fn restore_from<T, E: Display>(&self, file: &Path, restore: impl FnOnce(&Snapshot<'_>) -> Result<T, E>) -> Option<T> {
         let path = file.display();
         let problem = match std::fs::read(file) {
@@ -148,6 +156,11 @@ impl Checkpoint {
     /// the status of the process.
     pub fn save(&mut self, state: &[u8]) {
         self.save_parts(state, &mut Whole);
+    }
+
+    /// As [`save`](Self::save), of a state without parts that is encoded with its version.
+    pub fn save_state<T: Serialize + Schema>(&mut self, state: &T) {
+        self.save(&encode(state, Vec::new()));
     }
 
     /// As [`save`](Self::save), of a state in parts: what is written grows with what has changed, not with all there is.

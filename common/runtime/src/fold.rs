@@ -45,7 +45,7 @@ const TAKEN_PER_ROUND: usize = 128;
 ///     }
 ///
 ///     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
-///         checkpoint.save(&self.motions.recent().to_bytes());
+///         checkpoint.save_state(self.motions.recent());
 ///         Ok(())
 ///     }
 ///
@@ -57,7 +57,7 @@ const TAKEN_PER_ROUND: usize = 128;
 ///
 /// let mut shell = Shell::from_env()?;
 /// let checkpoint = shell.checkpoint();
-/// let recent = checkpoint.restore(|saved| Recent::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
+/// let recent: Recent<SonarMotion> = checkpoint.restore_state().unwrap_or_default();
 /// let mut scans = shell.reader::<SonarScan>()?;
 /// scans.skip_to(recent.last().seq, recent.last().stamp_ns);
 /// let motions = Answers::new(&mut shell, recent)?;

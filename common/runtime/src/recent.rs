@@ -4,6 +4,10 @@ use std::collections::VecDeque;
 
 use bus::{BusError, Writer};
 use messages::{Payload, StreamCursor};
+use postcard_schema::Schema;
+use postcard_schema::schema::{DataModelType, NamedType};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// The last messages that a process published on a stream, as many as the history of the stream holds.
 ///
@@ -17,8 +21,9 @@ use messages::{Payload, StreamCursor};
 ///
 /// let mut recent = Recent::default();
 /// recent.note(StreamCursor { seq: 7, stamp_ns: 700 }, &FilterVerdict::default());
-/// let restored = Recent::<FilterVerdict>::from_bytes(&recent.to_bytes()).expect("valid");
+/// let restored: Recent<FilterVerdict> = state::decode(&state::encode(&recent, Vec::new()))?;
 /// assert_eq!(restored.last(), StreamCursor { seq: 7, stamp_ns: 700 });
+/// # Ok::<(), state::DecodeError>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Recent<T> {
@@ -50,44 +55,37 @@ impl<T: Payload> Recent<T> {
     pub(crate) fn republish(&self, writer: &mut Writer<T>) -> Result<(), BusError> {
         self.messages.iter().try_for_each(|(at, message)| writer.send(at.seq, at.stamp_ns, message))
     }
+}
 
-    /// As bytes of a checkpoint. A message of zeros, the usual answer when nothing moves, takes one byte beside its cursor.
-    #[must_use]
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.messages.len() * (17 + size_of::<T>()));
-        for (at, message) in &self.messages {
-            bytes.extend([at.seq, at.stamp_ns].map(u64::to_le_bytes).as_flattened());
+/// A message of a checkpoint: a message of zeros, the usual answer when nothing moves, takes one byte beside its cursor.
+#[derive(Serialize, Deserialize)]
+struct Saved<'a>(StreamCursor, #[serde(borrow)] Option<&'a [u8]>);
+
+impl<T: Payload> Serialize for Recent<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.messages.iter().map(|(at, message)| {
             let payload = bytemuck::bytes_of(message);
-            let has_content = payload.iter().any(|byte| *byte != 0);
-            bytes.push(u8::from(has_content));
-            if has_content {
-                bytes.extend(payload);
-            }
-        }
-        bytes
+            Saved(*at, payload.iter().any(|byte| *byte != 0).then_some(payload))
+        }))
     }
+}
 
-    /// From the bytes of a checkpoint; `None` for bytes that are cut or damaged.
-    #[must_use]
-    pub fn from_bytes(mut bytes: &[u8]) -> Option<Self> {
+impl<'de, T: Payload> Deserialize<'de> for Recent<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut recent = Self::default();
-        while !bytes.is_empty() {
-            let (seq, rest) = bytes.split_first_chunk::<8>()?;
-            let (stamp_ns, rest) = rest.split_first_chunk::<8>()?;
-            let (has_content, rest) = rest.split_first()?;
-            let (message, rest) = match has_content {
-                0 => (T::zeroed(), rest),
-                1 => {
-                    let (payload, rest) = rest.split_at_checked(size_of::<T>())?;
-                    (bytemuck::pod_read_unaligned(payload), rest)
-                }
-                _ => return None,
+        for Saved(at, payload) in Vec::<Saved<'de>>::deserialize(deserializer)? {
+            let message = match payload {
+                None => T::zeroed(),
+                Some(bytes) => bytemuck::try_pod_read_unaligned(bytes).map_err(|_| D::Error::invalid_length(bytes.len(), &"a payload"))?,
             };
-            recent.note(StreamCursor { seq: u64::from_le_bytes(*seq), stamp_ns: u64::from_le_bytes(*stamp_ns) }, &message);
-            bytes = rest;
+            recent.note(at, &message);
         }
-        Some(recent)
+        Ok(recent)
     }
+}
+
+impl<T: Payload> Schema for Recent<T> {
+    const SCHEMA: &'static NamedType = &NamedType { name: "Recent", ty: &DataModelType::Seq(<(StreamCursor, Option<T>)>::SCHEMA) };
 }
 
 #[cfg(test)]
@@ -103,7 +101,7 @@ mod tests {
             let withheld = if seq % 3 == 0 { seq as u32 & 0xff } else { 0 };
             recent.note(StreamCursor { seq, stamp_ns: seq * 10 }, &FilterVerdict { withheld, ..FilterVerdict::default() });
         }
-        let restored = Recent::<FilterVerdict>::from_bytes(&recent.to_bytes()).expect("valid");
+        let restored: Recent<FilterVerdict> = state::decode(&state::encode(&recent, Vec::new())).expect("valid");
         assert_eq!(restored.messages, recent.messages);
         assert_eq!((restored.messages.len() as u64, restored.messages[0].0.seq), (most, 4));
         assert_eq!(restored.last(), StreamCursor { seq: most + 3, stamp_ns: 10 * (most + 3) });
@@ -113,12 +111,13 @@ mod tests {
     fn cut_and_damaged_bytes_are_refused() {
         let mut recent = Recent::default();
         recent.note(StreamCursor { seq: 1, stamp_ns: 2 }, &FilterVerdict { withheld: 5, ..FilterVerdict::default() });
-        let bytes = recent.to_bytes();
-        for end in 1..bytes.len() {
-            assert!(Recent::<FilterVerdict>::from_bytes(&bytes[..end]).is_none(), "{end}");
+        let bytes = state::encode(&recent, Vec::new());
+        for end in 0..bytes.len() {
+            assert!(state::decode::<Recent<FilterVerdict>>(&bytes[..end]).is_err(), "{end}");
         }
+        // Version, number of messages, cursor; then whether there is content.
         let mut damaged = bytes;
-        damaged[16] = 7;
-        assert!(Recent::<FilterVerdict>::from_bytes(&damaged).is_none());
+        damaged[11] = 7;
+        assert!(state::decode::<Recent<FilterVerdict>>(&damaged).is_err());
     }
 }

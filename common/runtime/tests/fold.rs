@@ -56,7 +56,7 @@ impl Fold for Noting<'_> {
     }
 
     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
-        checkpoint.save(&self.motions.recent().to_bytes());
+        checkpoint.save_state(self.motions.recent());
         self.calls.push(Call::Save(self.received().seq));
         Ok(())
     }
@@ -88,7 +88,7 @@ fn run(domain: &mut Domain, from: u64, to: u64, is_slow: bool, pieces: u32) -> (
     let mut scans = source.writer::<SonarScan>().unwrap();
     let mut process = shell(domain, "noting");
     let checkpoint = process.checkpoint();
-    let recent = checkpoint.restore(|saved| Recent::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
+    let recent: Recent<SonarMotion> = checkpoint.restore_state().unwrap_or_default();
     let mut reader = process.reader::<SonarScan>().unwrap();
     reader.skip_to(recent.last().seq, recent.last().stamp_ns);
     let motions = Answers::new(&mut process, recent).unwrap();

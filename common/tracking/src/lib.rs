@@ -6,6 +6,8 @@
 //! Metres, seconds; the frame is the caller's.
 
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use postcard_schema::Schema;
+use postcard_schema::schema::{DataModelType, NamedType, NamedValue};
 use serde::{Deserialize, Serialize};
 
 /// What is believed of a thing at one time: mean and covariance of (x, y, vx, vy).
@@ -15,6 +17,16 @@ pub struct Motion {
     pub mean: Vector4<f64>,
     /// Its covariance.
     pub covariance: Matrix4<f64>,
+}
+
+impl Schema for Motion {
+    const SCHEMA: &'static NamedType = &NamedType {
+        name: "Motion",
+        ty: &DataModelType::Struct(&[
+            &NamedValue { name: "mean", ty: <[f64; 4]>::SCHEMA },
+            &NamedValue { name: "covariance", ty: <[f64; 16]>::SCHEMA },
+        ]),
+    };
 }
 
 /// One scalar that was measured, linear in the state near its mean.

@@ -3,11 +3,11 @@
 //! What stands stays in a beam for as long as the robot takes to pass it; who walks by leaves it sooner. So how long an echo
 //! keeps its range in its own sonar tells the two apart where no camera looks.
 
-use std::collections::VecDeque;
-
 use geometry::{Beam, wrapped};
 use messages::seconds;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+use state::Queue;
 
 /// An echo of the same thing differs from the last one by less than this, m: the way of the robot between two pings and the
 /// slant of a wall make that much.
@@ -20,7 +20,7 @@ const PACE_M_S: f64 = 0.25;
 const TURN: f64 = 0.5;
 
 /// A reading of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 struct Moment {
     stamp_ns: u64,
     origin_m: [f64; 2],
@@ -29,7 +29,7 @@ struct Moment {
 }
 
 /// Echoes of one sonar, one after the other, of the same thing.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 struct Run {
     id: u64,
     sonar: u32,
@@ -42,7 +42,7 @@ struct Run {
 }
 
 /// The last thing that a sonar said.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 struct Said {
     sonar: u32,
     stamp_ns: u64,
@@ -51,9 +51,9 @@ struct Said {
 }
 
 /// The runs of every sonar that pending readings belong to.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct Runs {
-    runs: VecDeque<Run>,
+    runs: Queue<Run>,
     said: Vec<Said>,
     given: u64,
 }

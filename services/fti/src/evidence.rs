@@ -1,9 +1,8 @@
 //! What the readings say: those that wait for their verdict, those that got it lately, and the past of every cell.
 
-use std::collections::VecDeque;
-
 use geometry::{Beam, Cell, CellSize, Lattice};
 use messages::FilterVerdict;
+use state::Queue;
 
 use crate::arc::Arc;
 use crate::dwell::Runs;
@@ -56,9 +55,9 @@ pub(crate) struct Evidence {
     /// Last time at which somebody was followed.
     pub(crate) company_ns: Option<u64>,
     /// Scans that wait for their verdict, the oldest first.
-    pub(crate) pending: VecDeque<PendingScan>,
+    pub(crate) pending: Queue<PendingScan>,
     /// Those decided lately, the oldest first: what they say is still known reading by reading.
-    pub(crate) recent: VecDeque<PendingScan>,
+    pub(crate) recent: Queue<PendingScan>,
 }
 
 impl Evidence {
@@ -67,8 +66,8 @@ impl Evidence {
             still: Still::new(Lattice::new(cell)),
             runs: Runs::default(),
             company_ns: None,
-            pending: VecDeque::new(),
-            recent: VecDeque::new(),
+            pending: Queue::default(),
+            recent: Queue::default(),
         }
     }
 

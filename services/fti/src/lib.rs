@@ -24,7 +24,6 @@ mod observe;
 mod parameters;
 mod pending;
 mod pipeline;
-mod raw;
 mod region;
 mod sight;
 mod smoothed;

@@ -3,18 +3,18 @@
 use geometry::Beam;
 use geometry::Cell;
 use messages::{FilterVerdict, MAX_READINGS, MAX_REGIONS};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::region::Region;
 
 /// One reading.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct PendingReading {
     pub(crate) beam: Beam,
     /// The run of its sonar that it belongs to; 0: no echo.
     pub(crate) run: u64,
-    /// Cells of its arc, row and column.
-    #[serde(with = "cells")]
+    /// Cells of its arc.
     pub(crate) arc: Vec<Cell>,
     /// S by the past alone, when it came.
     pub(crate) past: f64,
@@ -25,7 +25,7 @@ pub(crate) struct PendingReading {
 }
 
 /// One scan.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct PendingScan {
     pub(crate) seq: u64,
     pub(crate) stamp_ns: u64,
@@ -44,19 +44,5 @@ impl PendingScan {
         let regions_are = self.regions.iter().take(MAX_REGIONS).all(|region| region.message().validate().is_ok());
         let inputs = FilterVerdict::FROM_SONAR | FilterVerdict::FROM_CAMERA;
         self.readings.len() <= MAX_READINGS && regions_are && self.inputs & !inputs == 0
-    }
-}
-
-mod cells {
-    use geometry::Cell;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(cells: &[Cell], serializer: S) -> Result<S::Ok, S::Error> {
-        cells.iter().map(|cell| (cell.row, cell.column)).collect::<Vec<_>>().serialize(serializer)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Cell>, D::Error> {
-        let cells = Vec::<(i32, i32)>::deserialize(deserializer)?;
-        Ok(cells.into_iter().map(|(row, column)| Cell { row, column }).collect())
     }
 }

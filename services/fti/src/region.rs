@@ -3,12 +3,13 @@
 use geometry::Beam;
 use geometry::CellSize;
 use messages::{Mover, Pose, UpdateRegion};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::tables::{Integration, Seen};
 
 /// A region in the map frame: a disc of as many cells as `O_Size` says.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct Region {
     pub(crate) x_m: f64,
     pub(crate) y_m: f64,

@@ -1,11 +1,13 @@
-//! The state as bytes, so that a restarted process goes on where it stopped: a head, and tiles of evidence, of which few change
+//! The state as bytes, so that a restarted process resumes where it stopped: a head, and tiles of evidence, of which few change
 //! from one time to the next.
 
-use std::collections::VecDeque;
+use std::borrow::Cow;
 
 use geometry::{Lattice, TILE_CELLS, Tile, TileKey};
 use messages::Pose;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize, Serializer};
+use state::{DecodeError, InParts, Queue, decode, decode_part, encode, encode_part};
 
 use crate::dwell::Runs;
 use crate::evidence::Evidence;
@@ -16,21 +18,12 @@ use crate::still::{CellEvidence, Still};
 use crate::streams::Streams;
 use crate::tracks::Tracks;
 
-/// Changes whenever the bytes mean something else.
-const VERSION: u32 = 5;
-
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum StateError {
-    /// Written by another version.
-    #[error("the state has version {found}, expected {VERSION}")]
-    Version {
-        /// Its version.
-        found: u32,
-    },
-    /// Cut off, or not a state at all.
-    #[error("the state cannot be read: {0}")]
-    Damaged(#[from] postcard::Error),
+    /// They are of another version or damaged.
+    #[error(transparent)]
+    Bytes(#[from] DecodeError),
     /// A tile with too few or too many cells, or in a place that there is not.
     #[error("tile {key:?} of the state has {found} cells, expected one of layer 0 within reach with {TILE_CELLS}")]
     Tile {
@@ -53,17 +46,17 @@ pub enum StateError {
 /// Hits, sights of emptiness and the slots of the last of each.
 type Packed = (u8, u8, u16, u16);
 
-/// Written field by field, see [`Fti::save_head`].
-#[derive(Deserialize)]
-struct Head {
-    streams: Streams,
-    tracks: Tracks,
-    runs: Runs,
+#[derive(Serialize, Deserialize, Schema)]
+struct Head<'a> {
+    streams: Cow<'a, Streams>,
+    tracks: Cow<'a, Tracks>,
+    runs: Cow<'a, Runs>,
     company_ns: Option<u64>,
-    pending: VecDeque<PendingScan>,
-    recent: VecDeque<PendingScan>,
+    pending: Cow<'a, Queue<PendingScan>>,
+    recent: Cow<'a, Queue<PendingScan>>,
     /// Time, x, y and yaw.
     last: Option<(u64, f64, f64, f64)>,
+    tiles: InParts<Vec<Packed>>,
 }
 
 /// A tile as it is written: a copy would take as much memory again.
@@ -81,9 +74,17 @@ impl Fti {
     pub fn save_head(&self, bytes: Vec<u8>) -> Vec<u8> {
         let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
         let Evidence { runs, company_ns, pending, recent, .. } = &self.evidence;
-        let head = (&self.streams, &self.tracks, runs, company_ns, pending, recent, last);
-        // Writing numbers and lists into memory has no way to fail.
-        postcard::to_extend(&(VERSION, head), bytes).unwrap_or_default()
+        let head = Head {
+            streams: Cow::Borrowed(&self.streams),
+            tracks: Cow::Borrowed(&self.tracks),
+            runs: Cow::Borrowed(runs),
+            company_ns: *company_ns,
+            pending: Cow::Borrowed(pending),
+            recent: Cow::Borrowed(recent),
+            last,
+            tiles: InParts::default(),
+        };
+        encode(&head, bytes)
     }
 
     /// Layer, row and column of each tile of the state; there is one layer, 0.
@@ -100,25 +101,21 @@ impl Fti {
     /// Appends a tile of the state to `bytes`; nothing where there is none.
     pub fn save_tile(&self, [_, row, column]: [i32; 3], bytes: &mut Vec<u8>) {
         if let Some(cells) = self.evidence.still.cells().tile(TileKey { row, column }) {
-            *bytes = postcard::to_extend(&Cells(cells), std::mem::take(bytes)).unwrap_or_default();
+            *bytes = encode_part(&Cells(cells), std::mem::take(bytes));
         }
     }
 
-    /// A service that goes on from what [`Self::save_head`] gave, and [`Self::save_tile`] of each tile.
+    /// A service that resumes from what [`Self::save_head`] gave, and [`Self::save_tile`] of each tile.
     ///
     /// # Errors
-    /// Bytes of another version or damaged ones; parameters that cannot be meant.
+    /// Bytes of another version or damaged ones; parameters out of range.
     pub fn restore<'a>(
         parameters: Parameters,
         head: &[u8],
         tiles: impl IntoIterator<Item = ([i32; 3], &'a [u8])>,
     ) -> Result<Self, StateError> {
-        let (found, rest) = postcard::take_from_bytes::<u32>(head)?;
-        if found != VERSION {
-            return Err(StateError::Version { found });
-        }
-        let head: Head = postcard::from_bytes(rest)?;
-        if let Some(scan) = head.pending.iter().chain(&head.recent).find(|scan| !scan.is_possible()) {
+        let head: Head<'_> = decode(head)?;
+        if let Some(scan) = head.pending.iter().chain(head.recent.iter()).find(|scan| !scan.is_possible()) {
             return Err(StateError::Scan { seq: scan.seq });
         }
         let mut fti = Self::new(parameters)?;
@@ -126,17 +123,22 @@ impl Fti {
         for (key, packed) in tiles {
             let [layer, row, column] = key;
             let unpack = |(hits, free, hit_slot, free_slot)| CellEvidence { hits, free, hit_slot, free_slot };
-            let tile: Vec<CellEvidence> = postcard::from_bytes::<Vec<Packed>>(packed)?.into_iter().map(unpack).collect();
+            let tile: Vec<CellEvidence> = decode_part::<Vec<Packed>>(packed)?.into_iter().map(unpack).collect();
             let (place, found) = (TileKey { row, column }, tile.len());
             match tile.try_into() {
                 Ok(tile) if layer == 0 && place.first_cell().is_some() => cells.set_tile(place, &tile),
                 _ => return Err(StateError::Tile { key, found }),
             }
         }
-        fti.streams = head.streams;
-        fti.tracks = head.tracks;
-        let Head { runs, company_ns, pending, recent, .. } = head;
-        fti.evidence = Evidence { still: Still::new(cells), runs, company_ns, pending, recent };
+        fti.streams = head.streams.into_owned();
+        fti.tracks = head.tracks.into_owned();
+        fti.evidence = Evidence {
+            still: Still::new(cells),
+            runs: head.runs.into_owned(),
+            company_ns: head.company_ns,
+            pending: head.pending.into_owned(),
+            recent: head.recent.into_owned(),
+        };
         fti.last = head.last.map(|(stamp_ns, x_m, y_m, yaw_rad)| (stamp_ns, Pose { x_m, y_m, yaw_rad }));
         Ok(fti)
     }

@@ -1,12 +1,11 @@
 //! The streams, brought into the order of sensor time.
 
-use std::collections::VecDeque;
-
 use messages::{CameraMotion, SonarMotion, SonarScan, seconds};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+use state::Queue;
 
 use crate::parameters::Patience;
-use crate::raw;
 
 /// What FTI is told.
 #[derive(Debug, Clone, Copy)]
@@ -53,32 +52,32 @@ const MOST_SCANS: usize = 1024;
 const MOST_FRAMES: usize = 2048;
 
 /// A scan, and STD's answer if it came.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, Schema)]
 pub(crate) struct Waiting {
     pub(crate) seq: u64,
     pub(crate) stamp_ns: u64,
-    #[serde(with = "raw")]
+    #[serde(with = "messages::payload_bytes")]
     pub(crate) scan: SonarScan,
-    #[serde(with = "raw")]
+    #[serde(with = "messages::payload_bytes")]
     pub(crate) motion: SonarMotion,
     pub(crate) answered: bool,
 }
 
 /// A frame's motion and its time.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, Schema)]
 pub(crate) struct Frame {
     pub(crate) stamp_ns: u64,
-    #[serde(with = "raw")]
+    #[serde(with = "messages::payload_bytes")]
     pub(crate) motion: CameraMotion,
 }
 
 /// What waits for the other streams.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize, Schema)]
 pub(crate) struct Streams {
-    scans: VecDeque<Waiting>,
-    frames: VecDeque<Frame>,
+    scans: Queue<Waiting>,
+    frames: Queue<Frame>,
     /// Answers of STD that came before their scan.
-    early: VecDeque<Early>,
+    early: Queue<Early>,
     camera_ns: u64,
     camera_ended: bool,
     sonar_ended: bool,
@@ -88,10 +87,10 @@ pub(crate) struct Streams {
     newest_ns: u64,
 }
 
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, Schema)]
 struct Early {
     seq: u64,
-    #[serde(with = "raw")]
+    #[serde(with = "messages::payload_bytes")]
     motion: SonarMotion,
 }
 

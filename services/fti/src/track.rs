@@ -1,11 +1,11 @@
 //! One walker: a Kalman filter in the map frame, and what supports it.
 
-use std::collections::VecDeque;
-
 use geometry::Beam;
 use messages::{Pose, seconds};
 use nalgebra::{Vector2, Vector4};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+use state::Queue;
 use tracking::{Measured, Motion};
 
 use crate::observe::{Heard, ranged, sighted};
@@ -41,7 +41,7 @@ const LEFT_SPEED_M_S: f64 = 0.6;
 const SAME_M: f64 = 0.4;
 
 /// Who saw the track first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub(crate) enum Origin {
     Camera,
     /// STD alone.
@@ -49,7 +49,7 @@ pub(crate) enum Origin {
 }
 
 /// Echoes of one sonar that began with a walker.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct Anchor {
     /// Their run.
     pub(crate) run: u64,
@@ -61,7 +61,7 @@ pub(crate) struct Anchor {
 }
 
 /// What was believed after a support.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct Believed {
     pub(crate) stamp_ns: u64,
     pub(crate) motion: Motion,
@@ -73,7 +73,7 @@ pub(crate) struct Believed {
 const WALKED_M: f64 = 0.6;
 
 /// One walker.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 pub(crate) struct Track {
     pub(crate) id: u64,
     pub(crate) origin: Origin,
@@ -96,7 +96,7 @@ pub(crate) struct Track {
     /// When it ended.
     pub(crate) ended_ns: Option<u64>,
     /// What was believed at each support within the horizon, the oldest first.
-    pub(crate) history: VecDeque<Believed>,
+    pub(crate) history: Queue<Believed>,
     /// Frames that could have shown it before it was certain.
     pub(crate) chances: u32,
     /// It was hit often enough, and in most frames.
@@ -126,7 +126,7 @@ impl Track {
             missed: 0,
             held: false,
             ended_ns: None,
-            history: VecDeque::new(),
+            history: Queue::default(),
             chances: 1,
             certain: false,
             first_m: motion.place_m().into(),

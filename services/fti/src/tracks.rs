@@ -3,6 +3,7 @@
 use geometry::wrapped;
 use messages::{CameraMotion, CameraStatus, Mover, Pose};
 use nalgebra::{Matrix2, Vector2};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 use tracking::Motion;
 
@@ -45,7 +46,7 @@ const SEEN_NS: u64 = 1_000_000_000;
 const ANCHOR_NS: u64 = 1_000_000_000;
 
 /// All walkers, also those who ended within the horizon.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, Schema)]
 pub(crate) struct Tracks {
     pub(crate) tracks: Vec<Track>,
     /// Identities given so far.

@@ -19,7 +19,6 @@
 //!   *shown* is the committed lattice with the pending readings on top.
 //! - [`export`] makes the files that people and other robots read.
 
-mod codec;
 mod cone;
 mod digest;
 pub mod export;
@@ -41,10 +40,10 @@ mod state;
 mod tuning;
 mod way;
 
-pub use codec::StateError;
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
 pub use occupied::{OCCUPIED, is_occupied};
 pub use parameters::{CommitRule, Fades, Parameters, ParametersError, SensorParameters, TuningParameters};
+pub use state::StateError;
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

@@ -7,6 +7,8 @@ use messages::{
 };
 
 use geometry::{CellSize, TileKey};
+use postcard_schema::Schema;
+use serde::{Deserialize, Serialize};
 
 use crate::digest::digest;
 use crate::integrate::Integrator;
@@ -106,7 +108,7 @@ pub enum Refused {
 }
 
 /// What has been integrated for good.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
 pub struct Counts {
     /// Scans.
     pub scans: u64,

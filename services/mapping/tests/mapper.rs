@@ -9,6 +9,7 @@ use messages::{
     FilterAction, FilterVerdict, Layer, MapTile, OutlookScan, Payload, Pose, SonarReading, SonarScan, UpdateRegion, VerdictOutlook,
 };
 use proptest::prelude::*;
+use state::{Packed, encode_part};
 use stillmap_mapping::{CommitRule, Input, Mapper, Parameters, Refused, StateError, is_occupied};
 
 const SECOND_NS: u64 = 1_000_000_000;
@@ -284,7 +285,7 @@ proptest! {
     }
 
     #[test]
-    fn restored_anywhere_it_goes_on_to_the_same_map(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24), cut in any::<prop::sample::Index>()) {
+    fn restored_anywhere_the_map_is_the_same(drive in drive(), keys in prop::collection::vec(any::<u32>(), 1..24), cut in any::<prop::sample::Index>()) {
         let arrivals = arrivals(&drive, &keys);
         let cut = cut.index(arrivals.len());
         let mut whole = lockstep_with_verdicts();
@@ -359,27 +360,27 @@ fn some_state() -> State {
 }
 
 #[test]
-fn a_state_that_is_cut_short_or_goes_on_is_refused() {
+fn a_cut_or_lengthened_state_is_refused() {
     let state = some_state();
     assert!(restore(&state).is_ok());
     let with_head = |head: &[u8]| restore(&(head.to_vec(), state.1.clone())).unwrap_err();
     for length in 0..state.0.len() {
-        let error = with_head(&state.0[..length]);
-        assert!(error.offset <= length, "{error}");
+        assert!(matches!(with_head(&state.0[..length]), StateError::Bytes(_)), "{length}");
     }
     let error = with_head(&[state.0.as_slice(), &[0]].concat());
-    assert_eq!(error.to_string(), format!("at byte {}: 1 more bytes, expected the end", state.0.len()));
+    assert_eq!(error.to_string(), "1 bytes follow the state, expected none");
 
     let with_tile = |key: [i32; 3], tile: &[u8]| {
         let tiles = state.1.iter().map(|(key, tile)| (*key, tile.as_slice())).chain([(key, tile)]);
         lockstep_with_verdicts().restore(&state.0, tiles).unwrap_err().to_string()
     };
-    assert_eq!(with_tile([0, 0, 0], &[0; 9]), "at byte 8: the end, 1 bytes before, expected more bytes");
-    assert_eq!(with_tile([0, 0, 0], &[0; 4097]), "at byte 4096: 1 more bytes, expected the end");
+    let tile = |cells: &[f32]| encode_part(&Packed::from(cells), Vec::new());
+    assert!(with_tile([0, 0, 0], &tile(&[0.0; 1024])[..9]).starts_with("the state cannot be decoded"));
+    assert_eq!(with_tile([0, 0, 0], &tile(&[0.0; 1025])), "a tile of 1025 cells, expected 1024 cells");
     for key in [[2, 0, 0], [-1, 0, 0], [1, i32::MAX, 0]] {
-        assert!(with_tile(key, &[0; 4096]).contains(&format!("tile {key:?}, expected a tile of a layer that is kept")), "{key:?}");
+        assert_eq!(with_tile(key, &tile(&[0.0; 1024])), format!("tile {key:?}, expected a tile of a layer that is set, within reach"));
     }
-    assert!(with_tile([1, 0, 0], &f32::NAN.to_le_bytes().repeat(1024)).contains("a cell of NaN"));
+    assert!(with_tile([1, 0, 0], &tile(&[f32::NAN; 1024])).contains("a cell of NaN"));
 }
 
 #[test]
@@ -387,7 +388,8 @@ fn a_state_with_a_flipped_bit_is_refused_or_a_state() {
     let state = some_state();
     let check = |flipped: &State, thoroughly: bool| {
         if let Ok(mut mapper) = restore(flipped) {
-            assert!(save(&mapper) == *flipped);
+            // A number may have been written in more bytes than it needs.
+            assert!(restore(&save(&mapper)).is_ok());
             assert!(mapper.summary().validate().is_ok());
             if thoroughly {
                 mapper.refresh();
@@ -415,6 +417,6 @@ fn a_state_of_other_settings_is_refused() {
     let state = some_state();
     let error = |parameters: Parameters| restore_into(mapper(&parameters), &state).unwrap_err().to_string();
     let coarser = Parameters { cell_m: 0.1, ..Parameters::default() };
-    assert_eq!(error(coarser), "at byte 16: 0.05, expected the edge of a cell that is set");
-    assert_eq!(error(Parameters::default()), "at byte 24: 1, expected an unfiltered layer as it is set");
+    assert_eq!(error(coarser), "0.05, expected the edge of a cell that is set");
+    assert_eq!(error(Parameters::default()), "true, expected an unfiltered layer as it is set");
 }

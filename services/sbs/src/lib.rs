@@ -59,7 +59,7 @@ mod working;
 pub mod y4m;
 
 pub use blobs::BlobRule;
-pub use checkpoint::{CHECKPOINT_VERSION, CheckpointError};
+pub use checkpoint::CheckpointError;
 pub use local::LocalRule;
 pub use parameters::{Method, Parameters};
 pub use picture::Refusal;

@@ -1,10 +1,10 @@
 //! Tracks of moving classes: nearest neighbour with a gate, constant velocity.
 
-use std::collections::VecDeque;
-
 use messages::seconds;
 use nalgebra::{Matrix2, Vector2, Vector4};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
+use state::Queue;
 use tracking::{Measured, Motion};
 
 /// A walker's legs change speed with every step; density of the white acceleration, m²/s³.
@@ -21,7 +21,7 @@ const END_NS: u64 = 900_000_000;
 const MAX_TRACKS: usize = 32;
 
 /// One moving thing over time.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Track {
     /// Its identity, from 1; never used again in a run.
     pub id: u64,
@@ -30,11 +30,11 @@ pub struct Track {
     /// Time of its last support.
     pub stamp_ns: u64,
     /// Its centroids in the map frame over the time span τ, m, each with its scan, the oldest first.
-    pub trajectory: VecDeque<(u32, [f64; 2])>,
+    pub trajectory: Queue<(u32, [f64; 2])>,
 }
 
 /// The tracks that are alive.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, Schema)]
 pub(crate) struct Tracks {
     tracks: Vec<Track>,
     /// Identities given so far.
@@ -100,7 +100,7 @@ impl Tracks {
         self.given += 1;
         let place_covariance = Matrix2::identity() * (CENTROID_SD_M * CENTROID_SD_M);
         let motion = Motion::at(place_m, place_covariance, SPEED_SD_M_S);
-        self.tracks.push(Track { id: self.given, motion, stamp_ns, trajectory: VecDeque::new() });
+        self.tracks.push(Track { id: self.given, motion, stamp_ns, trajectory: Queue::default() });
         Some(self.tracks.len() - 1)
     }
 }

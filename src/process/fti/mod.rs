@@ -10,6 +10,7 @@ use messages::{CameraMotion, FilterVerdict, Payload, Service, SonarMotion, Sonar
 use runtime::{Answers, Checkpoint, Context, Fold, Next, PartKey, Parts, Recent, RunError, Shell, Snapshot, StepError, run_fold};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
+use state::{Schema, encode, take};
 
 use ::fti::{Fti, Input, Parameters, ParametersError, StateError};
 
@@ -49,7 +50,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
 }
 
 /// The last message of each input that the state includes.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, Schema)]
 struct Cursors {
     scan: StreamCursor,
     sonar: StreamCursor,
@@ -118,7 +119,7 @@ impl Fold for Integration {
     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
         let mut bytes = std::mem::take(&mut self.buffer);
         bytes.clear();
-        let bytes = postcard::to_extend(&(self.received, self.verdicts.recent().to_bytes()), bytes)?;
+        let bytes = encode(self.verdicts.recent(), encode(&self.received, bytes));
         self.buffer = self.fti.save_head(bytes);
         checkpoint.save_parts(&self.buffer, &mut Tiles(&mut self.fti));
         Ok(())
@@ -324,8 +325,8 @@ impl Parts for Tiles<'_> {
 }
 
 fn restore(parameters: Parameters, saved: &Snapshot<'_>) -> Result<(Fti, Cursors, Recent<FilterVerdict>), StateError> {
-    let ((received, recent), head) = postcard::take_from_bytes::<(Cursors, Vec<u8>)>(saved.state)?;
-    let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
+    let (received, rest) = take(saved.state)?;
+    let (recent, head) = take(rest)?;
     let mut fti = Fti::restore(parameters, head, saved.parts.iter().map(|(key, part)| (*key, *part)))?;
     if saved.before_a_stop {
         fti.reopen();

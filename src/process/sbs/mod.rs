@@ -9,6 +9,7 @@ use messages::{
 };
 use runtime::{Answers, Checkpoint, Context, Fold, Next, Recent, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Pace, Settings};
+use state::{encode, take};
 
 use ::sbs::plane::Plane;
 use ::sbs::transform::Transform;
@@ -103,11 +104,9 @@ impl Fold for Subtraction {
     }
 
     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
-        self.buffer.clear();
-        let recent = self.motions.recent().to_bytes();
-        self.buffer.extend((recent.len() as u64).to_le_bytes());
-        self.buffer.extend(recent);
-        self.state.write_to(&mut self.buffer);
+        let mut bytes = std::mem::take(&mut self.buffer);
+        bytes.clear();
+        self.buffer = self.state.save_to(encode(self.motions.recent(), bytes));
         checkpoint.save(&self.buffer);
         Ok(())
     }
@@ -223,11 +222,7 @@ impl Subtraction {
 }
 
 fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(State, Recent<CameraMotion>), CheckpointError> {
-    let short = |needed: usize| CheckpointError::Short { offset: 0, needed, found: bytes.len() };
-    let (length, rest) = bytes.split_first_chunk::<8>().ok_or_else(|| short(8))?;
-    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-    let (recent, state) = rest.split_at_checked(length).ok_or_else(|| short(length))?;
-    let recent = Recent::from_bytes(recent).ok_or(CheckpointError::Value { offset: 8 + length, what: "the last answers" })?;
+    let (recent, state) = take(bytes)?;
     Ok((State::restore(parameters, state)?, recent))
 }
 

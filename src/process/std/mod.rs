@@ -6,6 +6,7 @@ use bus::{BusError, Reader, Received};
 use messages::{Payload, Service, SonarMotion, SonarScan, StreamCursor};
 use runtime::{Answers, Checkpoint, Context, Fold, Next, Recent, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Settings};
+use state::{encode, take};
 use stillmap_std::{Parameters, ParametersError, StateError, Std};
 
 pub(crate) use parameters::parameters;
@@ -77,7 +78,9 @@ impl Fold for Difference {
     }
 
     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
-        checkpoint.save(&postcard::to_allocvec(&(self.motions.recent().to_bytes(), self.std.to_bytes()))?);
+        let mut bytes = encode(self.motions.recent(), Vec::new());
+        bytes.extend(self.std.to_bytes());
+        checkpoint.save(&bytes);
         Ok(())
     }
 
@@ -94,7 +97,6 @@ impl Fold for Difference {
 }
 
 fn restore(parameters: Parameters, bytes: &[u8]) -> Result<(Std, Recent<SonarMotion>), StateError> {
-    let (recent, state): (Vec<u8>, Vec<u8>) = postcard::from_bytes(bytes)?;
-    let recent = Recent::from_bytes(&recent).ok_or(postcard::Error::DeserializeBadEncoding)?;
-    Ok((Std::from_bytes(parameters, &state)?, recent))
+    let (recent, std) = take(bytes)?;
+    Ok((Std::from_bytes(parameters, std)?, recent))
 }
