@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use ::camera::{
-    Camera, CameraConfig, Coding, Damage, Event, FixedControls, Given, Input, Limits, Output, PicturePosition, Session, Trouble,
+    Camera, CameraConfig, Coding, Damage, Event, FixedControls, Given, Input, Limits, Output, Session, Trouble,
     monotonic_ns,
 };
 use anyhow::Result;
 use bus::{Episode, FrameWriter};
-use messages::{CameraFrame, FrameLayout, PixelFormat};
+use messages::{CameraFrame, FrameLayout, PixelFormat, StreamCursor};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, CameraFormat, Settings};
 
@@ -45,7 +45,7 @@ fn config(settings: &settings::Camera) -> CameraConfig {
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let speed = shell.membership().speed();
     let checkpoint = shell.checkpoint();
-    let last = checkpoint.restore(|saved| PicturePosition::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    let last = checkpoint.restore_state().unwrap_or_default();
     shell.linger_as_source_until(settings.named(BuiltIn::Sbs));
     let limits = Limits::new(settings.camera.rate_hz.get(), speed);
     let mut process = Process {
@@ -79,7 +79,7 @@ impl runtime::Process for Process {
     fn step(&mut self, context: &mut Context<'_>) -> Result<Next, StepError> {
         let more = self.take_pictures(context)?;
         if context.stopping() {
-            let PicturePosition { seq, stamp_ns } = self.session.last();
+            let StreamCursor { seq, stamp_ns } = self.session.last();
             self.frames.end(seq, stamp_ns)?;
             let damaged = self.damages.close();
             self.report_damages(damaged);
@@ -124,7 +124,7 @@ impl Process {
         }
         let position = self.session.next_position(&about, now_ns, monotonic_ns());
         // Before the picture leaves: after a kill at any moment no number is given twice.
-        self.checkpoint.save(position.as_bytes());
+        self.checkpoint.save_state(&position);
         let layout = FrameLayout::packed(given.shape.width(), given.shape.height(), PixelFormat::Grey);
         let result =
             self.frames.try_send_with(position.seq, position.stamp_ns, layout, |bytes| given.shape.luminance(frame.bytes(), bytes))?;

@@ -34,7 +34,7 @@ pub use controls::{ControlInfo, ControlSetting, ControlTrouble, FixedControls};
 pub use device::{Device, Identity};
 pub use four_cc::FourCc;
 pub use list::{Offer, OfferedFormat, devices, offer};
-pub use session::{Counters, Event, Input, Limits, Output, PicturePosition, Session};
+pub use session::{Counters, Event, Input, Limits, Output, Session};
 pub use snapshot::{Snapshot, SnapshotError, snapshot};
 pub use stream::{About, Frame, Stream};
 pub use trouble::Trouble;

@@ -11,6 +11,8 @@
 //! No state is final: a camera that has been pulled out, is in use elsewhere or refuses its format is opened again and again, and
 //! reported once.
 
+use messages::StreamCursor;
+
 use crate::coding::Damage;
 use crate::stream::About;
 use crate::trouble::Trouble;
@@ -44,7 +46,7 @@ pub enum Input {
     /// Opening it, starting its stream or taking a picture failed.
     Trouble(Trouble),
     /// A picture came, of this number by the device's count: it was published, or was none.
-    Picture(u32, Result<PicturePosition, Damage>),
+    Picture(u32, Result<StreamCursor, Damage>),
     /// Time has passed; wanted by [`Session::due_ns`] at the latest.
     Tick,
 }
@@ -60,16 +62,6 @@ pub enum Output {
     Close,
     /// Something to say.
     Event(Event),
-}
-
-/// Where in the stream of published pictures a picture belongs. Plain numbers, so that a restarted process can continue them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub struct PicturePosition {
-    /// Its number, from 1.
-    pub seq: u64,
-    /// When it was taken, deployment time in ns.
-    pub stamp_ns: u64,
 }
 
 /// An event for the log. Its words follow the name of the device.
@@ -155,7 +147,7 @@ struct Silent {
 pub struct Session {
     limits: Limits,
     state: State,
-    last: PicturePosition,
+    last: StreamCursor,
     counters: Counters,
     openings: u64,
     silent: Option<Silent>,
@@ -174,7 +166,7 @@ impl Limits {
 impl Session {
     /// A session with a camera that is still to be opened; `last` is the last picture that an earlier process of the run published.
     #[must_use]
-    pub fn new(limits: Limits, speed: f64, last: PicturePosition) -> Self {
+    pub fn new(limits: Limits, speed: f64, last: StreamCursor) -> Self {
         let state = State::Waiting { due_ns: 0 };
         Self { limits, state, last, counters: Counters::default(), openings: 0, silent: None, speed }
     }
@@ -196,7 +188,7 @@ impl Session {
 
     /// The last picture that was published; its number is 0 before the first.
     #[must_use]
-    pub fn last(&self) -> PicturePosition {
+    pub fn last(&self) -> StreamCursor {
         self.last
     }
 
@@ -218,10 +210,10 @@ impl Session {
 
     /// Where a picture belongs that came at `now_ns`. Its own time is by the monotonic clock, which says `clock_ns` now.
     #[must_use]
-    pub fn next_position(&self, about: &About, now_ns: u64, clock_ns: u64) -> PicturePosition {
+    pub fn next_position(&self, about: &About, now_ns: u64, clock_ns: u64) -> StreamCursor {
         let age_ns = about.taken_ns.and_then(|taken_ns| clock_ns.checked_sub(taken_ns)).filter(|age_ns| *age_ns <= OLDEST_NS);
         let taken_ns = now_ns.saturating_sub((age_ns.unwrap_or(0) as f64 * self.speed) as u64);
-        PicturePosition { seq: self.last.seq + 1, stamp_ns: taken_ns.max(self.last.stamp_ns + 1) }
+        StreamCursor { seq: self.last.seq + 1, stamp_ns: taken_ns.max(self.last.stamp_ns + 1) }
     }
 
     /// Takes what happened at `now_ns` and returns what to do about it.
@@ -315,7 +307,7 @@ impl Session {
         streaming.last_ns = now_ns;
     }
 
-    fn published(&mut self, position: PicturePosition, now_ns: u64, out: &mut Vec<Output>) {
+    fn published(&mut self, position: StreamCursor, now_ns: u64, out: &mut Vec<Output>) {
         let silent = self.silent.take();
         if let Some(silent) = &silent {
             out.push(Output::Event(Event::Recovered { silence_s: seconds(now_ns.saturating_sub(silent.since_ns)) }));
@@ -337,20 +329,6 @@ impl Session {
     fn damaged(&mut self, damage: Damage, out: &mut Vec<Output>) {
         self.counters.damaged += 1;
         out.push(Output::Event(Event::Damaged { damage, damaged: self.counters.damaged }));
-    }
-}
-
-impl PicturePosition {
-    /// The bytes of a checkpoint.
-    #[must_use]
-    pub fn as_bytes(&self) -> &[u8] {
-        bytemuck::bytes_of(self)
-    }
-
-    /// The position in the bytes of a checkpoint; `None` when they are of another build.
-    #[must_use]
-    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        bytemuck::try_pod_read_unaligned(bytes).ok()
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is done next about a camera.
-#![expect(clippy::unwrap_used, reason = "tests fail by panicking")]
 
-use stillmap_camera::{About, Counters, Damage, Event, Input, Limits, Output, PicturePosition, Session, Trouble};
+use messages::StreamCursor;
+use stillmap_camera::{About, Counters, Damage, Event, Input, Limits, Output, Session, Trouble};
 
 const MS: u64 = 1_000_000;
 /// At 10 Hz.
@@ -28,7 +28,7 @@ fn broken() -> Trouble {
 
 impl Bench {
     fn new() -> Self {
-        let last = PicturePosition::default();
+        let last = StreamCursor::default();
         Self { session: Session::new(Limits::new(10.0, 1.0), 1.0, last), now_ns: 5000 * MS }
     }
 
@@ -62,7 +62,7 @@ fn pictures_are_numbered_and_stamped() {
     for sequence in 0..5 {
         assert_eq!(bench.publishes(sequence), []);
     }
-    assert_eq!(bench.session.last(), PicturePosition { seq: 5, stamp_ns: 5500 * MS });
+    assert_eq!(bench.session.last(), StreamCursor { seq: 5, stamp_ns: 5500 * MS });
     assert_eq!(bench.counters(), Counters { pictures: 5, ..Counters::default() });
     assert_eq!(bench.session.note("/dev/video0", "Cam: 160 × 120", bench.now_ns), "Cam: 160 × 120, 10.0 pictures a second");
 }
@@ -144,7 +144,7 @@ fn a_camera_pulled_out_and_put_back_costs_what_lies_between() {
     assert_eq!(bench.after(RETRY, Input::Tick), [Output::Open]);
     bench.after(0, Input::Opened);
     assert_eq!(bench.publishes(0), [Output::Event(Event::Recovered { silence_s: 0.65 })]);
-    assert_eq!(bench.session.last(), PicturePosition { seq: 3, stamp_ns: bench.now_ns });
+    assert_eq!(bench.session.last(), StreamCursor { seq: 3, stamp_ns: bench.now_ns });
     assert_eq!(bench.counters(), Counters { pictures: 3, reopenings: 1, ..Counters::default() });
 }
 
@@ -201,16 +201,16 @@ fn an_error_at_the_start_of_the_stream_closes_the_camera() {
 
 #[test]
 fn numbers_continue_after_those_of_an_earlier_process() {
-    let last = PicturePosition { seq: 41, stamp_ns: 9000 * MS };
-    let session = Session::new(Limits::new(10.0, 1.0), 1.0, PicturePosition::from_bytes(last.as_bytes()).unwrap());
+    let last = StreamCursor { seq: 41, stamp_ns: 9000 * MS };
+    let session = Session::new(Limits::new(10.0, 1.0), 1.0, last);
     let about = About { sequence: 0, damaged: false, taken_ns: None };
-    assert_eq!(session.next_position(&about, 8000 * MS, 0), PicturePosition { seq: 42, stamp_ns: 9000 * MS + 1 });
+    assert_eq!(session.next_position(&about, 8000 * MS, 0), StreamCursor { seq: 42, stamp_ns: 9000 * MS + 1 });
 }
 
 #[test]
 fn limits_follow_the_rate_and_the_deployment_s_speed() {
     let due_of = |rate_hz: f64, speed: f64| {
-        let mut session = Session::new(Limits::new(rate_hz, speed), speed, PicturePosition::default());
+        let mut session = Session::new(Limits::new(rate_hz, speed), speed, StreamCursor::default());
         let _ = session.step(Input::Opened, 0);
         session.due_ns()
     };
