@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
 use drivelog::{Preamble, WriteError};
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::buffer::LogBuffer;
@@ -13,7 +14,7 @@ use crate::file::LogFile;
 use crate::written::{Change, WrittenPart};
 
 /// What the recorder of a run has written, for the recorder that continues after it.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
 pub struct Written {
     /// The parts, in the order of their numbers.
     pub parts: Vec<WrittenPart>,

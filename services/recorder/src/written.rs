@@ -7,10 +7,11 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use drivelog::part_path;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// A part of the log as it was written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct WrittenPart {
     /// Its number, from 1.
     pub number: u32,

@@ -9,7 +9,6 @@ use messages::{DeploymentStatus, ProcessStatus};
 use relay::Relay;
 use runtime::{Checkpoint, Context, Next, Process, Shell, StepError};
 use settings::{BuiltIn, Disturbance, Name, Pace, PlannedFault, RoutedService, Settings};
-use std::convert::Infallible;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -22,7 +21,7 @@ const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 /// When the bus fails.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let checkpoint = shell.checkpoint();
-    let first_ns = checkpoint.restore(|saved| Ok::<_, Infallible>(numbers(saved.state))).unwrap_or_default();
+    let first_ns = checkpoint.restore_state::<Vec<u64>>().unwrap_or_default();
     let mut relays = Vec::new();
     for service in settings.routed_services() {
         let first_ns = first_ns.get(index_of(service)).copied().filter(|stamp_ns| *stamp_ns > 0);
@@ -196,8 +195,7 @@ impl Injector {
             }
         }
         if first_ns != self.saved_ns || self.checkpoint.is_missing() {
-            let bytes: Vec<u8> = first_ns.iter().flat_map(|stamp_ns| stamp_ns.to_le_bytes()).collect();
-            self.checkpoint.save(&bytes);
+            self.checkpoint.save_state(&first_ns);
             self.saved_ns = first_ns;
         }
     }
@@ -240,9 +238,4 @@ fn log(report: &Report) {
 
 fn index_of(service: RoutedService) -> usize {
     RoutedService::ALL.iter().position(|it| *it == service).unwrap_or_default()
-}
-
-/// The stamps of the first messages that an earlier incarnation saved.
-fn numbers(bytes: &[u8]) -> Vec<u64> {
-    bytes.as_chunks().0.iter().map(|number| u64::from_le_bytes(*number)).collect()
 }

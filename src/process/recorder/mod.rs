@@ -11,6 +11,7 @@ use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, Snapshot, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{Pace, Settings};
+use state::{DecodeError, Schema, decode};
 use std::io;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -61,7 +62,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
 }
 
 /// State that the next recorder of the run restores.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
 struct RecorderState {
     /// The last messages in the log.
     last: PerStream,
@@ -69,8 +70,8 @@ struct RecorderState {
 }
 
 impl RecorderState {
-    fn from_snapshot(snapshot: &Snapshot<'_>) -> Result<Self, postcard::Error> {
-        let mut saved: Self = postcard::from_bytes(snapshot.state)?;
+    fn from_snapshot(snapshot: &Snapshot<'_>) -> Result<Self, DecodeError> {
+        let mut saved: Self = decode(snapshot.state)?;
         if snapshot.before_a_stop {
             // Between two starts the user may have put the files elsewhere.
             saved.log = Written::default();
@@ -80,7 +81,7 @@ impl RecorderState {
 }
 
 /// A sequence number or a count for the scans, and one for the camera frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, Schema)]
 struct PerStream {
     scan: u64,
     frame: u64,
@@ -187,10 +188,7 @@ impl Recorder {
         // Acknowledged whether or not the write succeeded: a full disk must not stop a run in lockstep.
         let saved = RecorderState { last: self.last, log: self.log.written() };
         if self.saved != saved || self.checkpoint.is_missing() {
-            match postcard::to_allocvec(&saved) {
-                Ok(bytes) => self.checkpoint.save(&bytes),
-                Err(error) => tracing::warn!("the state of the recorder cannot be encoded: {error}"),
-            }
+            self.checkpoint.save_state(&saved);
             self.saved = saved;
         }
     }

@@ -261,7 +261,7 @@ impl Process {
         let bytes = self.robot.tick(&packet);
         self.state = DriveState { packets: packet.number, sent: self.state.sent + u64::from(!bytes.is_empty()) };
         // Before the packet leaves: after a kill at any moment the robot continues from where its client saw it last, or further.
-        self.checkpoint.save(&self.state.to_bytes());
+        self.checkpoint.save_state(&self.state);
         if let Some(pace) = &mut self.pace {
             // Before the packet: the driver that reads it stamps it with this.
             pace.stand_at(stamp_ns, !bytes.is_empty())?;
@@ -309,7 +309,7 @@ impl Process {
 
 /// Takes the drive up where an earlier incarnation left it.
 fn resume(checkpoint: &Checkpoint, simulation: &mut Simulation) -> DriveState {
-    let state = checkpoint.restore(|saved| DriveState::from_bytes(saved.state).ok_or("it has another length")).unwrap_or_default();
+    let state = checkpoint.restore_state::<DriveState>().unwrap_or_default();
     if state.packets > 0 {
         tracing::info!("the drive resumes after {} packets, the robot switched off and on", state.packets);
     }
