@@ -7,12 +7,16 @@ use nalgebra::Vector2;
 use crate::still::{REACH_M, SLOT_NS, Still, balance, free_reach_m};
 
 /// A beam that passes a cell shows it free this close to its axis only, rad.
+/// Half: 83.4 % / 1.09 %, twice: 85.4 % / 1.43 %.
 const FREE_HALF_RAD: f64 = 0.18;
 /// A wall answers towards where it answered before: a beam that passes the cell from a direction this far off says less, rad.
+/// Half: 84.9 % / 1.28 %, twice: 85.3 % / 1.50 %.
 const SAME_WAY_RAD: f64 = 0.4;
 /// But never less than this.
+/// Half: 84.6 % / 1.30 %, twice: 85.2 % / 1.51 %.
 const OTHER_WAY: f64 = 0.4;
 /// Silence in that direction against an echo's passing.
+/// Half: 85.0 % / 1.25 %, twice: 84.6 % / 1.56 %.
 const SILENCE: f64 = 0.8;
 
 /// The arc of an echo, and what is known of its cells.

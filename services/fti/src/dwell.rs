@@ -11,12 +11,17 @@ use state::Queue;
 
 /// An echo of the same thing differs from the last one by less than this, m: the way of the robot between two pings and the
 /// slant of a wall make that much.
+/// Half: 81.7 % / 1.64 %, twice: 82.5 % / 1.01 %.
 const STEP_M: f64 = 0.12;
 /// A sonar that was silent for longer begins anew, ns.
+/// Ten firing cycles of a ring: a sonar that was silent for longer was switched off or its messages were lost. Half or twice of it gives
+/// the same verdicts.
 const BREAK_NS: u64 = 1_000_000_000;
 /// A robot that is faster than this passes things sooner: its way counts as the time that it takes at this speed, m/s.
+/// Half: 79.6 % / 1.09 %, twice: 84.8 % / 1.40 %.
 const PACE_M_S: f64 = 0.25;
 /// A beam that turns sweeps its echo's place aside; half of that counts as way.
+/// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.31 %.
 const TURN: f64 = 0.5;
 
 /// A reading of a run.

@@ -13,14 +13,18 @@ use crate::tracks::Tracks;
 use crate::verdict::{passer_by, presences, walker, weight};
 
 /// Radius of the floor that the robot itself takes, m.
+/// A Pioneer is 0.33 m wide. Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.35 %.
 const ROBOT_RADIUS_M: f64 = 0.2;
 /// A scan with its verdict is known reading by reading for this time, ns: as long as the robot takes to pass a place.
+/// Half: 84.8 % / 1.28 %, twice: 84.9 % / 1.27 %.
 const RECENT_NS: u64 = 6_000_000_000;
 /// Known to be free is all that matters, not for how long.
 const LEAST_PAST: f64 = -3.0;
 /// Where somebody was about, others may be for this time, ns.
+/// Half: 85.0 % / 1.34 %, twice: 85.0 % / 1.35 %.
 const COMPANY_NS: u64 = 20_000_000_000;
 /// What stayed in a beam for longer is no passer-by, s.
+/// Half: 85.0 % / 1.30 %, twice: 85.0 % / 1.36 %.
 const MOST_DWELL_S: f64 = 3.0;
 
 /// The two sides of the likelihood ratio.

@@ -11,12 +11,16 @@ use crate::streams::Frame;
 use crate::tables::{PAPER_PIXELS, Seen};
 
 /// A camera whose last frame is this old is not at work, ns.
+/// Seven frames at 15 Hz: a camera that has published none of them is taken to have failed. Half or twice of it gives the same verdicts.
 const AT_WORK_NS: u64 = 500_000_000;
 /// Blobs this far from a scan are of its time, ns.
+/// Two frames at 15 Hz. It concerns the method of the paper only. Half or twice of it gives the same verdicts.
 const PAIRING_NS: u64 = 150_000_000;
 /// The camera sees nobody beyond this, m.
+/// Half: 84.9 % / 1.66 %, twice: 85.0 % / 1.35 %.
 const SIGHT_M: f64 = 6.0;
 /// A track this close to the side of the picture may be out of it, rad.
+/// Half: 85.0 % / 1.35 %, twice: 85.6 % / 2.84 %.
 const SIDE_RAD: f64 = 0.05;
 
 /// Whether the last frame, at `frame_ns` (0: none), is younger than `within_ns` at the time of a scan.

@@ -13,6 +13,12 @@
 //! against something that stands there, or by the paper's own rule. Without a camera the tracks come from the sonars alone,
 //! and the verdict says so.
 //!
+//! Constants that decide a verdict carry their measured effect: *half* and *twice* are the share of ghost cells that are removed and
+//! the share of wall cells that are lost with half and with twice the constant, all others as they are; with every constant as it is
+//! they are 85.0 % / 1.35 %. Measured over the five worlds of `config/worlds` with walkers, seeds 101 to 108, three walkers, and
+//! motion of the camera that is computed from the truth and not from pictures:
+//! `stillmap evaluate --world … --seeds 101..108 --walkers 3`.
+//!
 //! The service is a fold: [`Fti::step`] takes the inputs in any order of arrival and works in the order of sensor time.
 
 mod answer;

@@ -10,8 +10,10 @@ use tracking::{Measured, Motion};
 use crate::sight::{Estimate, Sight};
 
 /// From the front of the nearer leg to the middle of the body, m.
+/// Half: 85.4 % / 1.35 %, twice: 84.5 % / 1.41 %.
 pub(crate) const ECHO_TO_MIDDLE_M: f64 = 0.12;
 /// Spread of that distance with the step, m.
+/// Half: 86.3 % / 1.21 %, twice: 84.7 % / 1.27 %.
 const ECHO_SD_M: f64 = 0.2;
 
 /// An echo of a scan, as tracks need it.

@@ -10,6 +10,7 @@ use crate::tables::{PAPER_PIXELS, Ranges, Tables};
 /// `C_Size` and `O_Size` run up to this many cells.
 const MOST_CELLS: f64 = 100.0;
 /// `B_Size` runs up to this share of the picture: 4800 px of 160 × 120.
+/// It concerns the method of the paper only. Half or twice of it gives the same verdicts.
 const MOST_PIXELS_SHARE: f64 = 0.25;
 
 /// The camera, roughly.

@@ -15,6 +15,7 @@ use crate::tables::Integration;
 use crate::tracks::Tracks;
 
 /// Half the depth of an arc, cells.
+/// Half: 85.1 % / 1.54 %, twice: 83.5 % / 1.21 %.
 const ARC_CELLS: f64 = 1.0;
 
 /// Fuzzy-tuned integration over the streams of scans, sonar motion and camera motion.

@@ -6,10 +6,13 @@ use crate::parameters::{Camera, Cue, Parameters};
 use crate::tables::Seen;
 
 /// From the front of a body, where its feet are seen, to its middle, m.
+/// Half: 84.9 % / 1.19 %, twice: 86.6 % / 1.16 %.
 const FEET_TO_MIDDLE_M: f64 = 0.12;
 /// Pixels are counted in pictures this wide.
+/// Half: 82.8 % / 1.22 %, twice: 86.3 % / 1.36 %.
 const WIDTH_PX: f64 = 160.0;
 /// Feet this close to the horizon tell no distance, px.
+/// Half: 85.0 % / 1.32 %, twice: 81.5 % / 1.34 %.
 const NEAR_HORIZON_PX: f64 = 4.5;
 /// Width of somebody alone or beside another, m.
 const BODY_M: std::ops::RangeInclusive<f64> = 0.2..=1.2;

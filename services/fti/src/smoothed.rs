@@ -6,14 +6,19 @@ use tracking::Motion;
 use crate::track::{ACCELERATION, Origin, Track};
 
 /// A blob or an echo speaks for this long, s; then confidence fades.
+/// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.36 %.
 const FRESH_S: f64 = 0.3;
 /// Time in which it fades by a factor e, s.
+/// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.36 %.
 const FADE_S: f64 = 1.5;
 /// Who stands on without being seen.
+/// Half: 85.0 % / 1.25 %, twice: 85.1 % / 1.48 %.
 const HELD: f64 = 0.5;
 /// Before the first sight.
+/// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.37 %.
 const BACK_DATED: f64 = 0.6;
 /// First speed under which a walker is taken to have stood before, m/s.
+/// Half: 84.9 % / 1.35 %, twice: 85.0 % / 1.35 %.
 const STOOD_M_S: f64 = 0.6;
 /// For how long he is taken to have stood, s.
 const STOOD_S: f64 = 2.5;

@@ -4,18 +4,24 @@ use geometry::Beam;
 use geometry::{Cell, CellSize, Lattice, TileKey};
 
 /// Readings of one slot count once: a firing cycle and a half, ns.
+/// Half: 84.4 % / 1.26 %, twice: 85.6 % / 1.51 %.
 pub(crate) const SLOT_NS: u64 = 400_000_000;
 /// More hits say no more.
+/// Half: 85.2 % / 2.28 %, twice: 84.8 % / 1.34 %.
 const MOST_HITS: f64 = 4.5;
 /// More sights of emptiness say no more.
+/// Half: 84.6 % / 1.24 %, twice: 85.0 % / 1.36 %.
 const MOST_FREE: f64 = 6.0;
 /// Most slots of each kind that the past keeps.
 const KEPT: [u8; 2] = [3, 6];
 /// A beam shows cells free this close to its axis only, rad: later nobody knows from where it looked.
+/// Half: 84.1 % / 1.24 %, twice: 85.0 % / 1.46 %.
 const FREE_HALF_RAD: f64 = 0.105;
 /// What lies this close before an echo may belong to it, m.
+/// Half: 85.0 % / 1.39 %, twice: 84.7 % / 1.24 %.
 const BEFORE_ECHO_M: f64 = 0.12;
 /// Farther away a beam is too wide for its silence to tell of a cell, m.
+/// Half: 80.8 % / 0.89 %, twice: 86.2 % / 2.71 %.
 pub(crate) const REACH_M: f64 = 2.2;
 /// The robot stands where nothing else does: as good as this many sights.
 const STOOD_ON: u8 = 2;

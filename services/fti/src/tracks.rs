@@ -14,14 +14,19 @@ use crate::sight::{Estimate, Sight, View};
 use crate::track::{Origin, Track};
 
 /// Association: χ² of a pair that may be one (two degrees of freedom).
+/// Half: 86.0 % / 1.50 %, twice: 83.9 % / 1.20 %.
 const GATE: f64 = 11.0;
 /// Spread of a first velocity, m/s.
+/// Half: 84.8 % / 1.34 %, twice: 85.1 % / 1.36 %.
 const SPEED_SD_M_S: f64 = 0.8;
 /// A tentative track that is not seen again for as long as this was false, ns.
+/// Half: 84.9 % / 1.33 %, twice: 85.0 % / 1.35 %.
 const TENTATIVE_NS: u64 = 400_000_000;
 /// A track that should be visible and is not ends after this time, ns.
+/// Half: 84.1 % / 1.21 %, twice: 85.0 % / 2.05 %.
 const UNSEEN_NS: u64 = 1_000_000_000;
 /// A walker out of view is followed for this time, ns. Echoes do not prolong it: there are always some, of walls.
+/// Half: 84.2 % / 1.08 %, twice: 85.0 % / 1.28 %.
 const COAST_NS: u64 = 3_000_000_000;
 /// Most tracks at once.
 const MAX_TRACKS: usize = 32;
@@ -29,20 +34,28 @@ const MAX_TRACKS: usize = 32;
 const UNKNOWN_DEPTH: Estimate = Estimate { value: 4.0, variance: 4.0 };
 
 /// An echo supports a track within this many standard deviations.
+/// Half: 86.9 % / 1.16 %, twice: 85.3 % / 1.64 %.
 const ECHO_GATE: f64 = 2.5;
 /// S from which on an echo is a known wall's.
+/// Half: 84.8 % / 1.31 %, twice: 84.8 % / 1.39 %.
 const KNOWN_WALL: f64 = 1.5;
 /// A slower walker may stand before a wall, m/s.
+/// Half: 84.8 % / 1.35 %, twice: 85.1 % / 1.35 %.
 const SLOW_M_S: f64 = 0.35;
 /// Who stands ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass him.
+/// Half: 85.0 % / 1.31 %, twice: 85.0 % / 1.41 %.
 const HELD_NS: u64 = 10_000_000_000;
 /// Or when this many readings pass beyond him.
+/// Half: 84.5 % / 1.31 %, twice: 84.8 % / 1.39 %.
 const PASSES: u32 = 2;
 /// Or this many that look at him and hear something else.
+/// Half: 84.8 % / 1.33 %, twice: 85.0 % / 1.36 %.
 const MISSES: u32 = 5;
 /// Who came to rest was seen to: his blob fades a moment later, ns.
+/// Half: 84.9 % / 1.17 %, twice: 85.0 % / 1.51 %.
 const SEEN_NS: u64 = 1_000_000_000;
 /// Echoes of a walker's are asked for him again within this time, ns.
+/// It bounds the memory of a track. Half or twice of it gives the same verdicts.
 const ANCHOR_NS: u64 = 1_000_000_000;
 
 /// All walkers, also those who ended within the horizon.

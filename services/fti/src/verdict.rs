@@ -7,18 +7,25 @@ use crate::pending::PendingReading;
 use crate::smoothed::{Presence, Smoothed};
 
 /// Somebody whom nobody followed, at any place and for any time.
+/// Half: 85.0 % / 1.34 %, twice: 85.0 % / 1.36 %.
 const UNSEEN: f64 = 0.005;
 /// ln of how much likelier a passer-by makes an echo that its sonar heard only once, when people are about or nobody looks.
+/// Half: 80.9 % / 1.04 %, twice: 85.2 % / 4.03 %.
 const BRIEF: f64 = 2.2;
 /// And when the camera looks there and shows nobody, or has shown nobody anywhere for long.
+/// Half: 85.0 % / 1.54 %, twice: 84.6 % / 1.34 %.
 const BRIEF_ALONE: f64 = -0.5;
 /// By how much that falls with each second for which the sonar heard the same thing, 1/s.
+/// Half: 84.8 % / 3.72 %, twice: 79.6 % / 1.09 %.
 const BRIEF_SLOPE: f64 = 2.5;
 /// Spread of an echo's range about the front of a body, m.
+/// Half: 84.7 % / 1.32 %, twice: 83.9 % / 1.21 %.
 const RANGE_SD_M: f64 = 0.16;
 /// Spread of a body aside of its middle, m.
+/// Half: 84.5 % / 1.26 %, twice: 85.8 % / 1.57 %.
 const ASIDE_SD_M: f64 = 0.2;
 /// How fast a pending reading's weight as a hit falls with the evidence for a walker.
+/// Half: 85.1 % / 1.40 %, twice: 78.7 % / 1.24 %.
 const WEIGHT_SLOPE: f64 = 0.7;
 
 /// ln of how much likelier the walkers who are followed make a reading than an even spread over all ranges (T).
