@@ -49,7 +49,7 @@ pub(crate) type SaveError = Rc<RefCell<Option<String>>>;
 struct Journal {
     length: u64,
     /// Its length when it was written whole.
-    whole: u64,
+    whole_length: u64,
     /// It was written with parts. What is replaced is on the disk before what is appended: the place of a robot, which is small,
     /// must not be older after a power cut than the map.
     in_parts: bool,
@@ -62,7 +62,7 @@ pub struct Snapshot<'a> {
     pub state: &'a [u8],
     /// The parts of its state, where it has such.
     pub parts: BTreeMap<PartKey, &'a [u8]>,
-    /// The whole deployment has been stopped, or was killed, and started again since: what had ended then goes on.
+    /// The whole deployment has been stopped, or was killed, and started again since: streams that had ended continue.
     pub before_a_stop: bool,
 }
 
@@ -101,7 +101,7 @@ impl Checkpoint {
     }
 
     /// What `restore` makes of the snapshot of an earlier incarnation. `None` where there is none, or none that is valid: that
-    /// is said, and put under another name, where nobody writes over it. Where only what was added last is damaged, what was whole
+    /// is logged, and put under another name, where nothing writes over it. Where only what was added last is damaged, what was intact
     /// before is restored, and a copy put under another name.
     pub fn restore<T, E: Display>(&self, mut restore: impl FnMut(&Snapshot<'_>) -> Result<T, E>) -> Option<T> {
         // The fallback is newer while it exists: it is removed when the other file can be written again.
@@ -179,7 +179,7 @@ impl Checkpoint {
                 let fallback = self.fallback_path.as_ref().map(|fallback_path| self.replace(fallback_path, head, parts));
                 let consequence = match fallback {
                     Some(Ok(_)) => "what is kept lasts until the deployment stops",
-                    Some(Err(_)) | None => "who is killed now goes on from an older state",
+                    Some(Err(_)) | None => "a process that is killed now resumes from an older state",
                 };
                 if save_error.is_none() {
                     tracing::error!("{path}: {error}; {consequence}");
@@ -191,7 +191,7 @@ impl Checkpoint {
 
     fn write(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
         // Where one of them fails, what has changed is no longer known: the next one is whole.
-        let appendable = self.journal.take().filter(|it| it.in_parts && it.length < 2 * it.whole + APPENDED);
+        let appendable = self.journal.take().filter(|it| it.in_parts && it.length < 2 * it.whole_length + APPENDED);
         let written = match appendable.and_then(|journal| Some((self.open_as(journal)?, journal))) {
             Some((file, journal)) => append(file, journal, head, parts)?,
             None => self.replace(&self.path, head, parts)?,
@@ -232,7 +232,7 @@ impl Checkpoint {
         if is_first && self.fallback_path.is_some() {
             into.into.get_ref().sync_all()?;
         }
-        Ok(Journal { length: into.count, whole: into.count, in_parts })
+        Ok(Journal { length: into.count, whole_length: into.count, in_parts })
     }
 }
 
@@ -243,8 +243,8 @@ fn file(folder: &Path, membership: &Membership) -> PathBuf {
 fn copy_aside(file: &Path, damage: &str) {
     let (path, aside) = (file.display(), free_name(file));
     match std::fs::copy(file, &aside) {
-        Ok(_) => tracing::error!("{path} is damaged {damage}; goes on from what was kept before, a copy is {}", aside.display()),
-        Err(error) => tracing::error!("{path} is damaged {damage}; goes on from what was kept before, without a copy: {error}"),
+        Ok(_) => tracing::error!("{path} is damaged {damage}; resumes from the state before, a copy is {}", aside.display()),
+        Err(error) => tracing::error!("{path} is damaged {damage}; resumes from the state before, without a copy: {error}"),
     }
 }
 
@@ -327,9 +327,9 @@ pub(crate) mod tests {
         }
     }
 
-    type Kept = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
+    type Loaded = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
 
-    fn load(checkpoint: &Checkpoint) -> Option<Kept> {
+    fn load(checkpoint: &Checkpoint) -> Option<Loaded> {
         let owned = |parts: &BTreeMap<PartKey, &[u8]>| parts.iter().map(|(key, part)| (*key, part.to_vec())).collect();
         checkpoint.restore(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
     }
@@ -348,7 +348,7 @@ pub(crate) mod tests {
             self.changed.push(key);
         }
 
-        fn kept(&self, head: &[u8]) -> Option<Kept> {
+        fn loaded(&self, head: &[u8]) -> Option<Loaded> {
             let parts = self.numbers.iter().map(|(key, number)| (*key, number.to_le_bytes().repeat(100))).collect();
             Some((head.to_vec(), parts, false))
         }
@@ -370,7 +370,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_is_saved_is_taken_up_and_what_is_damaged_is_put_aside() {
+    fn a_saved_state_is_restored_and_a_damaged_one_put_aside() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
@@ -378,13 +378,13 @@ pub(crate) mod tests {
         assert_eq!(load(&checkpoint), None);
         numbers.set([0, 0, 0], 1);
         checkpoint.save_parts(b"first", &mut numbers);
-        let kept_first = numbers.kept(b"first");
-        let before_a_stop = kept_first.clone().map(|(head, parts, _)| (head, parts, true));
+        let loaded_first = numbers.loaded(b"first");
+        let before_a_stop = loaded_first.clone().map(|(head, parts, _)| (head, parts, true));
         assert_eq!(load(&self::checkpoint(&folder, 7, 1)), before_a_stop);
 
         let first = std::fs::read(&checkpoint.path).expect("readable").len();
         checkpoint.save_parts(b"second", &mut numbers);
-        assert_eq!(load(&checkpoint), numbers.kept(b"second"));
+        assert_eq!(load(&checkpoint), numbers.loaded(b"second"));
         let whole = std::fs::read(&checkpoint.path).expect("readable");
         assert!(whole.len() > first, "appended to");
         let mut aside = 0;
@@ -394,7 +394,7 @@ pub(crate) mod tests {
             turned[at] ^= 1;
             for damaged in [cut, turned] {
                 std::fs::write(&checkpoint.path, &damaged).expect("written");
-                let expected = if at < first { &None } else { &kept_first };
+                let expected = if at < first { &None } else { &loaded_first };
                 assert_eq!(load(&checkpoint), *expected, "byte {at}");
                 let kept = folder.join(format!("mapping.checkpoint-{}", aside + 1));
                 // An end that is missing, as a kill leaves it, is nothing to look at.
@@ -434,7 +434,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn only_what_has_changed_is_written_and_the_file_does_not_grow_without_end() {
+    fn only_changed_parts_are_appended_and_the_file_stays_bounded() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
@@ -450,7 +450,7 @@ pub(crate) mod tests {
             checkpoint.save_parts(head.as_bytes(), &mut numbers);
             assert!(round > 1 || numbers.written.get() == 2, "{}", numbers.written.get());
             if round % 50 < 2 {
-                assert_eq!(load(&checkpoint), numbers.kept(head.as_bytes()), "round {round}");
+                assert_eq!(load(&checkpoint), numbers.loaded(head.as_bytes()), "round {round}");
             }
         }
         assert!(numbers.written.get() < 2 * 500 + 2000, "{}", numbers.written.get());
@@ -470,11 +470,11 @@ pub(crate) mod tests {
         std::fs::remove_dir_all(&folder).expect("removed");
         numbers.set([0, 0, 3], 4);
         checkpoint.save_parts(b"second", &mut numbers);
-        assert_eq!(load(&checkpoint), numbers.kept(b"second"));
+        assert_eq!(load(&checkpoint), numbers.loaded(b"second"));
 
-        std::fs::write(&checkpoint.path, b"somebody else's").expect("written");
+        std::fs::write(&checkpoint.path, b"of another program").expect("written");
         checkpoint.save_parts(b"third", &mut numbers);
-        assert_eq!(load(&checkpoint), numbers.kept(b"third"));
+        assert_eq!(load(&checkpoint), numbers.loaded(b"third"));
     }
 
     #[test]
@@ -499,7 +499,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn while_the_file_system_refuses_the_state_is_kept_with_the_deployment() {
+    fn a_refused_write_saves_the_state_with_the_deployment() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let mut checkpoint = checkpoint(&folder, 7, 0);
@@ -515,14 +515,14 @@ pub(crate) mod tests {
         for (head, number) in [(b"second", 2), (b"third ", 3)] {
             numbers.set([0, 0, 1], number);
             checkpoint.save_parts(head, &mut numbers);
-            assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(head));
+            assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.loaded(head));
             assert!(checkpoint.save_error.borrow().as_ref().is_some_and(|words| words.starts_with("its state cannot be kept: ")));
         }
         std::fs::remove_file(&folder).expect("removed");
         std::fs::rename(&away, &folder).expect("renamed");
-        assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.kept(b"third "), "not the older one that is there again");
+        assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.loaded(b"third "), "not the older one that is there again");
         checkpoint.save_parts(b"fourth", &mut numbers);
-        assert_eq!((load(&checkpoint), &*checkpoint.save_error.borrow()), (numbers.kept(b"fourth"), &None));
+        assert_eq!((load(&checkpoint), &*checkpoint.save_error.borrow()), (numbers.loaded(b"fourth"), &None));
         assert_eq!(out.path().join("state.domain/state").read_dir().expect("readable").count(), 0, "what was spare is gone");
     }
 }

@@ -59,13 +59,13 @@ impl<T: Payload> Recent<T> {
 
 /// A message of a checkpoint: a message of zeros, the usual answer when nothing moves, takes one byte beside its cursor.
 #[derive(Serialize, Deserialize)]
-struct Saved<'a>(StreamCursor, #[serde(borrow)] Option<&'a [u8]>);
+struct SavedMessage<'a>(StreamCursor, #[serde(borrow)] Option<&'a [u8]>);
 
 impl<T: Payload> Serialize for Recent<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.messages.iter().map(|(at, message)| {
             let payload = bytemuck::bytes_of(message);
-            Saved(*at, payload.iter().any(|byte| *byte != 0).then_some(payload))
+            SavedMessage(*at, payload.iter().any(|byte| *byte != 0).then_some(payload))
         }))
     }
 }
@@ -73,7 +73,7 @@ impl<T: Payload> Serialize for Recent<T> {
 impl<'de, T: Payload> Deserialize<'de> for Recent<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut recent = Self::default();
-        for Saved(at, payload) in Vec::<Saved<'de>>::deserialize(deserializer)? {
+        for SavedMessage(at, payload) in Vec::<SavedMessage<'de>>::deserialize(deserializer)? {
             let message = match payload {
                 None => T::zeroed(),
                 Some(bytes) => bytemuck::try_pod_read_unaligned(bytes).map_err(|_| D::Error::invalid_length(bytes.len(), &"a payload"))?,

@@ -1,7 +1,7 @@
-//! Where the checkpoints of a run lie, and whether an earlier run goes on.
+//! Where the checkpoints of a run lie, and whether an earlier run is resumed.
 //!
 //! Checkpoints that outlive the deployment lie in a folder beside its outputs, with a note of whose they are. A deployment that
-//! finds a note of its own goes on in that run, as if all of its processes had been killed at once. They go on together or not
+//! finds a note of its own resumes that run, as if all of its processes had been killed at once. They resume together or not
 //! at all: a driver that began anew beside a map that did not would draw into it at another place.
 
 use std::io::{self, Write};
@@ -24,7 +24,7 @@ const UNNOTED_S: f64 = 3.0;
 pub struct PersistedState<'a> {
     /// The folder.
     pub folder: &'a Path,
-    /// What they depend on, in words: a run goes on only where these are the same.
+    /// What they depend on, in words: a run is resumed only where these are the same.
     pub made_with: &'a str,
     /// What is there is put aside, and a new run begins.
     pub fresh: bool,
@@ -72,12 +72,12 @@ impl RunState {
         let run = Run { number: state.note.run, start: state.note.start, state: state.folder.clone(), not_before_ns };
         let domain = claim.open(run, routed)?;
         if let Err(error) = state.note_time(domain.clock().now_ns()) {
-            tracing::warn!("{error}: the next start may go on with a clock that is behind");
+            tracing::warn!("{error}: the next start may resume with a clock that is behind");
         }
         Ok((state, domain))
     }
 
-    /// Whether this is an earlier run that goes on.
+    /// Whether this is an earlier run that is resumed.
     #[must_use]
     pub fn is_resumed(&self) -> bool {
         self.note.start > 0
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_from_start_to_start() {
+    fn a_run_is_resumed_from_start_to_start() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
         let starts = [7, 8, 9].map(|run| begin(&folder, "robot", "cells of 0.1 m", false, run));
@@ -223,9 +223,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_anothers_or_damaged_or_not_wanted_is_put_aside_as_a_whole() {
-        type Deed = fn(&Path);
-        let cases: [(&str, &str, bool, Deed); 6] = [
+    fn a_foreign_damaged_or_unwanted_state_is_put_aside() {
+        type Change = fn(&Path);
+        let cases: [(&str, &str, bool, Change); 6] = [
             ("robot", "cells of 0.1 m", true, |_| ()),
             ("other", "cells of 0.1 m", false, |_| ()),
             ("robot", "cells of 0.2 m", false, |_| ()),
@@ -233,12 +233,12 @@ mod tests {
             ("robot", "cells of 0.1 m", false, |folder| std::fs::write(folder.join(NOTE), [0xff, 0x00]).expect("written")),
             ("robot", "cells of 0.1 m", false, |folder| std::fs::remove_file(folder.join(NOTE)).expect("removed")),
         ];
-        for (at, (name, made_with, fresh, deed)) in cases.into_iter().enumerate() {
+        for (at, (name, made_with, fresh, change)) in cases.into_iter().enumerate() {
             let out = tempfile::tempdir().expect("a folder");
             let folder = out.path().join("state");
             for times in 1..=2 {
                 begin(&folder, "robot", "cells of 0.1 m", true, 7);
-                deed(&folder);
+                change(&folder);
                 let new = begin(&folder, name, made_with, fresh, 8);
                 assert_eq!((new.note.run, new.note.start, new.note.last_ns), (8, 0, 0), "case {at}");
                 assert!(out.path().join(format!("state-{times}/mapping.checkpoint")).exists(), "case {at}: what was there is kept");

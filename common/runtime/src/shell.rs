@@ -220,7 +220,7 @@ impl Shell {
         &self.membership
     }
 
-    /// Where this process keeps its state between its incarnations, and where the run goes on, between its starts.
+    /// Where this process saves its state for its next incarnation, and where the run is resumed, for its next start.
     #[must_use]
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint::of(&self.membership, self.save_error.clone())
@@ -269,7 +269,7 @@ impl Shell {
                 Next::WaitAtMost(longest) => longest.min(until_beat),
                 Next::Wait | Next::Finished => until_beat,
             };
-            // A request to stop that has been seen stays readable to nobody: its bytes are taken, so waiting does not spin.
+            // A request to stop that has been seen is no longer readable: its bytes are taken, so waiting does not spin.
             self.wait(&process.descriptors(), patience)?;
         }
         self.linger()?;
@@ -281,7 +281,7 @@ impl Shell {
         Ok(())
     }
 
-    /// Keeps what was said until nobody needs it any more, or the supervisor asks to stop. A source has been asked once before; one
+    /// Keeps what was published until no consumer needs it any more, or the supervisor asks to stop. A source has been asked once before; one
     /// that has come to its end by itself ends the run with that.
     fn linger(&mut self) -> Result<(), RunError> {
         let asked = self.signals.count();
@@ -312,7 +312,7 @@ impl Shell {
         Ok(self.ports.wait(&others, patience)?)
     }
 
-    /// Tells what is new, and whoever has just joined everything: the history of the service holds one answer, and a process may
+    /// Publishes what is new, and everything when a reader has just joined: the history of the service holds one answer, and a process may
     /// answer several streams.
     fn publish_progress(&mut self) -> Result<(), BusError> {
         let joined = self.progress.joined();

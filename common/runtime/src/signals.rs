@@ -21,7 +21,7 @@ impl Signals {
     /// Takes over SIGINT and SIGTERM of this process, as far as they come from the process `supervisor`.
     ///
     /// From anybody else they end it at once, as if it had no handler: who is told so by the supervisor ends its streams, and others
-    /// then finish, too, while the run is to go on. A child that ends by a signal is started again, and goes on from its checkpoint.
+    /// then finish, too, while the run is to continue. A child that ends by a signal is started again, and resumes from its checkpoint.
     ///
     /// # Errors
     /// When the handlers cannot be installed.
@@ -66,7 +66,7 @@ impl AsFd for Signals {
 }
 
 /// Gives a signal its default action when another process than `supervisor` has sent it before that one had; else the handlers after
-/// this one follow. Who is asked by the supervisor may be asked once more by a script around it, and still ends in order.
+/// this one follow. A process that the supervisor has asked may be asked once more by a script around it, and still ends in order.
 #[expect(unsafe_code, reason = "who has sent a signal is known in its handler only")]
 fn end_unless_asked(supervisor: u32, asked: &Arc<AtomicBool>, signal: i32) -> io::Result<()> {
     let asked = asked.clone();

@@ -112,7 +112,7 @@ impl Process for Sending {
 }
 
 #[test]
-fn who_is_needed_stays_when_it_has_finished_and_what_it_said_can_be_had_again() {
+fn a_finished_process_lingers_until_its_consumers_are_over() {
     let mut domain = domain();
     let mut heartbeats: Reader<Heartbeat> = domain.reader().unwrap();
     let mut statuses: Writer<DeploymentStatus> = domain.writer().unwrap();
@@ -152,7 +152,7 @@ fn who_is_needed_stays_when_it_has_finished_and_what_it_said_can_be_had_again() 
 }
 
 #[test]
-fn a_run_that_goes_on_is_later_than_its_last_note_whatever_the_wall_clock_says() {
+fn a_resumed_run_is_later_than_its_last_note() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("state");
     let name = format!("test-runtime-goes-on-{}", std::process::id());
