@@ -14,7 +14,7 @@
 //! memberships sum to 1, so the denominator of eq. 1 is 1 and every input is covered. A [`RuleTable`] holds one output
 //! centre for each combination of sets and infers the output.
 //!
-//! Both are refused when they are made from numbers that cannot be meant: centres out of order, a table with gaps.
+//! Both are refused when they are made from numbers that are not valid: centres out of order, a table with gaps.
 
 mod partition;
 mod table;

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn centres_that_make_no_partition_are_refused_with_their_numbers() {
+    fn centres_out_of_order_are_refused_with_their_numbers() {
         let error = |centres: &[f64]| Partition::new(centres.to_vec()).expect_err("invalid centres").to_string();
         assert_eq!(error(&[]), "0 centres, expected at least 2");
         assert_eq!(error(&[1.0]), "1 centres, expected at least 2");

@@ -15,7 +15,7 @@ const FARTHEST_FROM_ORIGIN_M: f64 = 1.1e6;
 
 /// One reading, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
-#[serde(try_from = "Saved")]
+#[serde(try_from = "SavedBeam")]
 pub struct Beam {
     /// The transducer in the map frame.
     x_m: f64,
@@ -31,7 +31,7 @@ pub struct Beam {
 
 /// A beam as bytes have it.
 #[derive(Deserialize)]
-struct Saved {
+struct SavedBeam {
     x_m: f64,
     y_m: f64,
     cos: f64,
@@ -41,11 +41,11 @@ struct Saved {
     tan_half: f64,
 }
 
-impl TryFrom<Saved> for Beam {
+impl TryFrom<SavedBeam> for Beam {
     type Error = &'static str;
 
-    fn try_from(saved: Saved) -> Result<Self, &'static str> {
-        let Saved { x_m, y_m, cos, sin, range_m, echo, tan_half } = saved;
+    fn try_from(saved: SavedBeam) -> Result<Self, &'static str> {
+        let SavedBeam { x_m, y_m, cos, sin, range_m, echo, tan_half } = saved;
         let is_somewhere = [x_m, y_m].iter().all(|at_m| at_m.abs() <= FARTHEST_FROM_ORIGIN_M);
         let is_a_direction = (cos.hypot(sin) - 1.0).abs() < 1e-9;
         let is_a_cone = (0.0..=FARTHEST_M).contains(&range_m) && tan_half >= 0.0 && tan_half.is_finite();
@@ -212,9 +212,9 @@ mod tests {
     #[test]
     fn bytes_that_no_reading_makes_are_no_beam() {
         let Beam { x_m, y_m, cos, sin, range_m, echo, tan_half } = beam(1.0, 2.0, 3.0, 4.0, 1);
-        let sound = || Saved { x_m, y_m, cos, sin, range_m, echo, tan_half };
+        let sound = || SavedBeam { x_m, y_m, cos, sin, range_m, echo, tan_half };
         assert_eq!(Beam::try_from(sound()), Ok(beam(1.0, 2.0, 3.0, 4.0, 1)));
-        let is_refused = |change: fn(&mut Saved)| {
+        let is_refused = |change: fn(&mut SavedBeam)| {
             let mut saved = sound();
             change(&mut saved);
             Beam::try_from(saved).is_err()

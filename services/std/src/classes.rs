@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_that_touch_at_a_corner_are_one_class_and_others_are_not() {
+    fn cells_that_touch_at_a_corner_are_one_class() {
         let tagged: Tagged = [((0, 0), 1), ((1, 1), 2), ((0, 5), 4), ((3, 1), 8)]
             .map(|((row, column), readings)| (Cell { row, column }, readings))
             .into_iter()

@@ -47,7 +47,7 @@ impl Default for Parameters {
     }
 }
 
-/// Parameters that cannot be meant.
+/// Parameters out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ParametersError {
     /// The edge of a cell.

@@ -1,4 +1,4 @@
-//! The whole state as bytes, so that a restarted process goes on where it stopped.
+//! The whole state as bytes, so that a restarted process resumes where it stopped.
 
 use std::borrow::Cow;
 
@@ -25,7 +25,7 @@ pub enum StateError {
         /// Its cells.
         found: usize,
     },
-    /// The parameters it is to go on with.
+    /// The parameters it is restored with.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
 }

@@ -26,7 +26,7 @@ impl Std {
     /// Before the first scan.
     ///
     /// # Errors
-    /// Parameters that cannot be meant.
+    /// Parameters out of range.
     pub fn new(parameters: Parameters) -> Result<Self, ParametersError> {
         let cell = parameters.check()?;
         Ok(Self {
@@ -39,7 +39,7 @@ impl Std {
         })
     }
 
-    /// What moves in this scan; the answer has the scan's own number and stamp. A scan whose numbers cannot be meant is taken
+    /// What moves in this scan; the answer has the scan's own number and stamp. A scan whose numbers are not valid is taken
     /// as one without readings.
     pub fn step(&mut self, stamp_ns: u64, scan: &SonarScan) -> SonarMotion {
         self.scan = self.scan.saturating_add(1);
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_where_it_was_free_moves_and_a_wall_at_first_sight_does_not() {
+    fn a_thing_where_it_was_free_moves_and_a_new_wall_does_not() {
         let motions = run(Rule::Visible, &[2.0, 2.0, 2.0, 1.0, 1.0, 2.0]);
         assert_eq!(counts(&motions), [0, 0, 0, 1, 0, 0]);
         let mover = &motions[3].movers()[0];
