@@ -13,7 +13,7 @@ use indicatif::MultiProgress;
 use messages::{CameraStatus, FrameLayout, PixelFormat};
 use sbs::plane::Plane;
 use sbs::score::Score;
-use sbs::{Answer, Frame, Parameters, Refusal, Remark, State};
+use sbs::{Answer, Frame, FrameError, Parameters, Remark, State};
 use sequence::Sequence;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -82,7 +82,7 @@ struct Outcome {
     not_compensated: u64,
     /// Number of refused frames, and the first of them with its reason.
     refused: u64,
-    first_refused: Option<(u64, Refusal)>,
+    first_refused: Option<(u64, FrameError)>,
     /// Processing time of each frame, ms.
     times_ms: Vec<f64>,
 }

@@ -4,10 +4,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use ::camera::{
-    Camera, CameraConfig, Coding, Damage, Event, FixedControls, Given, Input, Limits, Output, Session, Trouble,
-    monotonic_ns,
-};
+use ::camera::{Camera, CameraConfig, Coding, Damage, Event, FixedControls, Given, Input, Limits, Output, Session, Trouble, monotonic_ns};
 use anyhow::Result;
 use bus::{Episode, FrameWriter};
 use messages::{CameraFrame, FrameLayout, PixelFormat, StreamCursor};

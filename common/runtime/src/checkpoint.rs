@@ -385,23 +385,23 @@ pub(crate) mod tests {
         let first = std::fs::read(&checkpoint.path).expect("readable").len();
         checkpoint.save_parts(b"second", &mut numbers);
         assert_eq!(load(&checkpoint), numbers.loaded(b"second"));
-        let whole = std::fs::read(&checkpoint.path).expect("readable");
-        assert!(whole.len() > first, "appended to");
+        let intact = std::fs::read(&checkpoint.path).expect("readable");
+        assert!(intact.len() > first, "appended to");
         let mut aside = 0;
-        for at in 0..whole.len() {
-            let cut = whole[..at].to_vec();
-            let mut turned = whole.clone();
+        for at in 0..intact.len() {
+            let cut = intact[..at].to_vec();
+            let mut turned = intact.clone();
             turned[at] ^= 1;
             for damaged in [cut, turned] {
                 std::fs::write(&checkpoint.path, &damaged).expect("written");
                 let expected = if at < first { &None } else { &loaded_first };
                 assert_eq!(load(&checkpoint), *expected, "byte {at}");
-                let kept = folder.join(format!("mapping.checkpoint-{}", aside + 1));
+                let aside_path = folder.join(format!("mapping.checkpoint-{}", aside + 1));
                 // An end that is missing, as a kill leaves it, is nothing to look at.
-                let is_cut = at >= first && !kept.exists();
+                let is_cut = at >= first && !aside_path.exists();
                 if !is_cut {
                     aside += 1;
-                    assert_eq!(std::fs::read(kept).expect("kept"), damaged);
+                    assert_eq!(std::fs::read(aside_path).expect("kept"), damaged);
                 }
             }
         }
@@ -441,7 +441,7 @@ pub(crate) mod tests {
         let mut numbers = Numbers::default();
         (0..1000).for_each(|column| numbers.set([0, 0, column], 1));
         checkpoint.save_parts(b"0", &mut numbers);
-        let whole = std::fs::metadata(&checkpoint.path).expect("there").len();
+        let first_length = std::fs::metadata(&checkpoint.path).expect("there").len();
         assert_eq!(numbers.written.replace(0), 1000);
         for round in 1..=500_i32 {
             numbers.set([0, 0, round], 2);
@@ -455,7 +455,7 @@ pub(crate) mod tests {
         }
         assert!(numbers.written.get() < 2 * 500 + 2000, "{}", numbers.written.get());
         let length = std::fs::metadata(&checkpoint.path).expect("there").len();
-        assert!(length < 3 * whole + 2 * APPENDED, "{whole} {length}");
+        assert!(length < 3 * first_length + 2 * APPENDED, "{first_length} {length}");
         assert_eq!(folder.read_dir().expect("readable").count(), 1);
     }
 

@@ -89,7 +89,7 @@ impl Estimate {
     #[must_use]
     #[inline(always)]
     pub fn fed(self, z: f32, rule: &BackgroundRule) -> Self {
-        let goes_on = (self.count > 0) & self.accepts(z, rule.k);
+        let continues = (self.count > 0) & self.accepts(z, rule.k);
         let count = self.count.saturating_add(1);
         let gain = 1.0 / f32::from(count.min(rule.count_cap));
         let d = z - self.mean;
@@ -97,9 +97,9 @@ impl Estimate {
             within(self.variance + gain * (d * d - self.variance), rule.sigma_min * rule.sigma_min, rule.sigma_max * rule.sigma_max);
         let fresh = Self::new(z, rule);
         Self {
-            mean: if goes_on { self.mean + gain * d } else { fresh.mean },
-            variance: if goes_on { variance } else { fresh.variance },
-            count: if goes_on { count } else { fresh.count },
+            mean: if continues { self.mean + gain * d } else { fresh.mean },
+            variance: if continues { variance } else { fresh.variance },
+            count: if continues { count } else { fresh.count },
         }
     }
 

@@ -24,7 +24,7 @@ pub struct BlobRule {
     /// slows down is not lost, and what flickers does not get in.
     pub known_share: f32,
     /// One that has been a blob for at least this many frames needs no motion: who walked and now stands is seen until the
-    /// background takes him over.
+    /// background takes the walker over.
     pub held_age: u8,
 }
 
@@ -105,13 +105,13 @@ pub(crate) fn select(components: &Components, evidence: &Evidence<'_>, rule: &Bl
             && tally.moved as f32 >= ease * rule.motion_min * size
             && thickness * tally.firm as f32 >= rule.firm_thickness_min * unit * size
     };
-    let kept: Vec<bool> = (0..components.list.len()).map(passes).collect();
+    let passing: Vec<bool> = (0..components.list.len()).map(passes).collect();
     let mut age = Plane::filled(width, height, 0_u8);
-    for run in components.runs.iter().filter(|r| kept[r.component]) {
+    for run in components.runs.iter().filter(|r| passing[r.component]) {
         let tally = &tallies[run.component];
         age.row_mut(run.row)[run.start..run.end].fill(tally.age.saturating_add(1));
     }
-    let mut blobs: Vec<Component> = components.list.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(c, _)| *c).collect();
+    let mut blobs: Vec<Component> = components.list.iter().zip(&passing).filter(|(_, passing)| **passing).map(|(c, _)| *c).collect();
     blobs.sort_by_key(|c| std::cmp::Reverse(c.size));
     (blobs, age)
 }

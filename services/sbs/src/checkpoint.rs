@@ -35,7 +35,7 @@ pub enum CheckpointError {
 }
 
 #[derive(Serialize, Deserialize, Schema)]
-struct Saved<'a> {
+struct SavedState<'a> {
     last_stamp_ns: Option<u64>,
     scene: Option<SavedScene<'a>>,
 }
@@ -81,7 +81,7 @@ impl State {
     #[must_use]
     pub fn save_to(&self, bytes: Vec<u8>) -> Vec<u8> {
         let scene = self.scene.as_ref().map(|(working, scene)| SavedScene::new(working, scene));
-        encode(&Saved { last_stamp_ns: self.last_stamp_ns, scene }, bytes)
+        encode(&SavedState { last_stamp_ns: self.last_stamp_ns, scene }, bytes)
     }
 
     /// The state of bytes that [`State::save`] made, under the same parameters.
@@ -89,7 +89,7 @@ impl State {
     /// # Errors
     /// [`CheckpointError`]: the bytes are not a state of this version, intact and valid.
     pub fn restore(parameters: Parameters, bytes: &[u8]) -> Result<Self, CheckpointError> {
-        let saved: Saved<'_> = decode(bytes)?;
+        let saved: SavedState<'_> = decode(bytes)?;
         let scene = saved.scene.map(SavedScene::restore).transpose()?;
         Ok(Self { parameters, last_stamp_ns: saved.last_stamp_ns, scene })
     }
@@ -142,11 +142,11 @@ impl<'a> SavedScene<'a> {
         let mut pyramid = Pyramid::default();
         pyramid.rebuild(base);
         let model = Model { background, candidate, shadow };
-        let (spare, spare_pyramid) = (Model::default(), Pyramid::default());
+        let (reused, spare_pyramid) = (Model::default(), Pyramid::default());
         let (yaw_rad, failures) = (self.yaw_rad, self.failures);
         Ok((
             working,
-            Scene { width, height, pyramid, model, spare, spare_pyramid, carry, motion, foreground, age, yaw_rad, failures, training },
+            Scene { width, height, pyramid, model, reused, spare_pyramid, carry, motion, foreground, age, yaw_rad, failures, training },
         ))
     }
 }

@@ -39,7 +39,7 @@ impl Found {
     }
 }
 
-/// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be believed.
+/// Of identity, odometry, prediction and estimate the one with the most inliers, and whether it may be is_plausible.
 pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Option<Transform>, parameters: &Parameters) -> (Found, bool) {
     let samples = strongest(frames.current.base(), 0, frames.moving);
     let few = samples.thinned(THINNED);
@@ -63,8 +63,8 @@ pub(crate) fn transform(frames: &Frames<'_>, prediction: Transform, odometry: Op
     }
     let image = &frames.current.base().image;
     let (width, height) = (image.width(), image.height());
-    let believed = best.agreement.inliers >= INLIERS_MIN && best.transform.corner_motion(width, height) <= CORNER_MAX * width as f64;
-    (best, believed)
+    let is_plausible = best.agreement.inliers >= INLIERS_MIN && best.transform.corner_motion(width, height) <= CORNER_MAX * width as f64;
+    (best, is_plausible)
 }
 
 fn better(simple: Found, other: Found) -> Found {

@@ -62,6 +62,6 @@ pub use blobs::BlobRule;
 pub use checkpoint::CheckpointError;
 pub use local::LocalRule;
 pub use parameters::{Method, Parameters};
-pub use picture::Refusal;
+pub use picture::FrameError;
 pub use shadow::ShadowRule;
 pub use state::{Answer, Frame, Odometry, Remark, State};

@@ -174,7 +174,7 @@ fn maximise(samples: &[f64], old: &Mixture, rule: &EmRule) -> Mixture {
         first[1] += share[2] * z;
         shares.push([share[1], share[2]]);
     }
-    let mean = |k: usize, kept: f64| if mass[k + 1] >= rule.samples_min { first[k] / mass[k + 1] } else { kept };
+    let mean = |k: usize, before: f64| if mass[k + 1] >= rule.samples_min { first[k] / mass[k + 1] } else { before };
     let mut means = [mean(0, old.background.mean), mean(1, old.shadow.mean)];
     if means[1] >= means[0] {
         means = [old.background.mean, old.shadow.mean];
@@ -185,8 +185,8 @@ fn maximise(samples: &[f64], old: &Mixture, rule: &EmRule) -> Mixture {
             second[k] += share[k] * (z - means[k]) * (z - means[k]);
         }
     }
-    let sigma = |k: usize, kept: f64| {
-        if mass[k + 1] >= rule.samples_min { (second[k] / mass[k + 1]).sqrt().max(rule.sigma_min) } else { kept }
+    let sigma = |k: usize, before: f64| {
+        if mass[k + 1] >= rule.samples_min { (second[k] / mass[k + 1]).sqrt().max(rule.sigma_min) } else { before }
     };
     let [foreground, background, shadow] = floored(mass.map(|m| m / samples.len() as f64), rule.weight_min);
     Mixture {

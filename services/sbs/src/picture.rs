@@ -11,8 +11,8 @@ pub(crate) const HEIGHT_RANGE: (u32, u32) = (60, 480);
 
 /// Why a frame was refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Refusal {
-    /// The header cannot be meant, or the bytes are not as many as it says.
+pub enum FrameError {
+    /// The header is not valid, or the bytes are not as many as it says.
     #[error("the frame's header: {0:?}")]
     Layout(Invalid),
     /// The picture is smaller or larger than SBS works on.
@@ -53,13 +53,13 @@ const SATURATED_MAX: f64 = 0.7;
 /// The luminance of a frame, 0 to 255.
 ///
 /// # Errors
-/// [`Refusal`]: layout, size, one value everywhere or saturated.
-pub(crate) fn luminance(layout: &FrameLayout, bytes: &[u8]) -> Result<Plane<f32>, Refusal> {
-    let format = layout.validate(bytes.len()).map_err(Refusal::Layout)?;
+/// [`FrameError`]: layout, size, one value everywhere or saturated.
+pub(crate) fn luminance(layout: &FrameLayout, bytes: &[u8]) -> Result<Plane<f32>, FrameError> {
+    let format = layout.validate(bytes.len()).map_err(FrameError::Layout)?;
     let (width, height) = (layout.width, layout.height);
     let in_range = |x: u32, (low, high): (u32, u32)| (low..=high).contains(&x);
     if !in_range(width, WIDTH_RANGE) || !in_range(height, HEIGHT_RANGE) {
-        return Err(Refusal::Size { width, height });
+        return Err(FrameError::Size { width, height });
     }
     let mut picture = Plane::filled(width as usize, height as usize, 0.0);
     let row_bytes = width as usize * format.bytes_per_pixel();
@@ -79,7 +79,7 @@ pub(crate) fn luminance(layout: &FrameLayout, bytes: &[u8]) -> Result<Plane<f32>
     Ok(picture)
 }
 
-fn check_values(picture: &Plane<f32>) -> Result<(), Refusal> {
+fn check_values(picture: &Plane<f32>) -> Result<(), FrameError> {
     let values = picture.values();
     let first = values.first().copied().unwrap_or(0.0);
     let (mut differ, mut ends) = (0_u32, 0_u32);
@@ -88,8 +88,8 @@ fn check_values(picture: &Plane<f32>) -> Result<(), Refusal> {
         ends += u32::from(!(0.5..254.5).contains(&z));
     }
     if differ == 0 {
-        return Err(Refusal::Uniform { value: first as u8 });
+        return Err(FrameError::Uniform { value: first as u8 });
     }
     let share = f64::from(ends) / values.len() as f64;
-    if share > SATURATED_MAX { Err(Refusal::Saturated { share, limit: SATURATED_MAX }) } else { Ok(()) }
+    if share > SATURATED_MAX { Err(FrameError::Saturated { share, limit: SATURATED_MAX }) } else { Ok(()) }
 }

@@ -23,11 +23,11 @@ pub(crate) struct Grid {
     /// How many of an eight of places lie one pixel after the other from its first one, when the others do so up to its last one
     /// and all have the 4 × 4 pixels around them in the picture; 0 for other eights. Most are read at once, or twice and put together.
     straight: Vec<usize>,
-    /// Whether the pixels nearest to an eight of places go on one by one.
+    /// Whether the pixels nearest to an eight of places follow one by one.
     steady: Vec<bool>,
 }
 
-/// An eight of places that can be read at once: a pixel, from which the first few places go on one by one, one for the others.
+/// An eight of places that can be read at once: a pixel, from which the first few places follow one by one, one for the others.
 struct Eight {
     from: [usize; 2],
     first: usize,
@@ -78,17 +78,17 @@ impl Grid {
         let shares = self.share_u.iter_mut().zip(&mut self.share_v);
         let out = self.at.iter_mut().zip(&mut self.near).zip(shares).zip(&mut self.inside);
         for ((((at, near), (share_u, share_v)), inside), (&u, &v)) in out.zip(places.u.iter().zip(&places.v)) {
-            let held = (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5);
+            let in_picture = (u > -0.5) & (v > -0.5) & (u < w - 0.5) & (v < h - 0.5);
             let between = (u >= 0.0) & (v >= 0.0) & (u <= last_u) & (v <= last_v);
             // The pixel at or left of and above a place at 1 exactly may be 0, which has no neighbour before it.
-            let whole = (u > 1.0) & (v > 1.0) & (u < w - 2.0) & (v < h - 2.0);
+            let is_surrounded = (u > 1.0) & (v > 1.0) & (u < w - 2.0) & (v < h - 2.0);
             let (u, v) = (limited(u, last_u), limited(v, last_v));
             let (below_u, below_v) = (below(u, last_u), below(v, last_v));
             *at = (whole_number(below_v) * stride + whole_number(below_u)) as u32;
             *share_u = u - below_u;
             *share_v = v - below_v;
             *near = *at + u32::from(*share_u >= 0.5) + if *share_v >= 0.5 { stride as u32 } else { 0 };
-            *inside = held as u8 + between as u8 + whole as u8;
+            *inside = in_picture as u8 + between as u8 + is_surrounded as u8;
         }
     }
 
@@ -219,7 +219,7 @@ fn in_turn(pixels: &[u32; LANES], from: u32) -> u8 {
     bits
 }
 
-/// Catmull–Rom for eight places that go on one by one from a pixel.
+/// Catmull–Rom for eight places that follow one by one from a pixel.
 #[inline(always)]
 fn cubic_eight(values: &[f32], at: usize, stride: usize, share_u: &[f32; LANES], share_v: &[f32; LANES]) -> Option<[f32; LANES]> {
     let row = |n: usize| values.get(at - stride - 1 + n * stride..)?.first_chunk::<{ LANES + 3 }>();

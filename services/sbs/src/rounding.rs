@@ -7,9 +7,9 @@ const ROUNDING: f32 = 12_582_912.0;
 /// The whole number below x (or x − 1 for a whole x), at most one below `last`.
 #[inline(always)]
 pub(crate) fn below(x: f32, last: f32) -> f32 {
-    let whole = ((x - 0.5) + ROUNDING) - ROUNDING;
-    let whole = if whole > 0.0 { whole } else { 0.0 };
-    if whole < last - 1.0 { whole } else { last - 1.0 }
+    let rounded = ((x - 0.5) + ROUNDING) - ROUNDING;
+    let rounded = if rounded > 0.0 { rounded } else { 0.0 };
+    if rounded < last - 1.0 { rounded } else { last - 1.0 }
 }
 
 #[inline(always)]

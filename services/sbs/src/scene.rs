@@ -24,7 +24,7 @@ use crate::transform::Transform;
 /// After this many frames in a row that were not compensated, the model starts anew.
 const FAILURES_MAX: u32 = 3;
 /// The local field starts from this share of the last one.
-const FIELD_KEPT: f32 = 0.9;
+const FIELD_SHARE: f32 = 0.9;
 
 /// A carry of less than this may be nothing but noise, base px.
 const CARRY_STILL_PX: f32 = 0.1;
@@ -51,7 +51,7 @@ pub(crate) struct Scene {
     pub(crate) pyramid: Pyramid,
     pub(crate) model: Model,
     /// Memory of the model before the last resampling, for the next one.
-    pub(crate) spare: Model,
+    pub(crate) reused: Model,
     /// Memory of the pyramid before the last one, for the next.
     pub(crate) spare_pyramid: Pyramid,
     /// From the last picture's frame to the model's, base px: what has not been worth a resampling yet.
@@ -130,7 +130,7 @@ impl Scene {
             height,
             pyramid,
             model,
-            spare: Model::default(),
+            reused: Model::default(),
             spare_pyramid: Pyramid::default(),
             carry: still.clone(),
             motion: Motion { transform: Transform::identity(), field: still },
@@ -160,8 +160,8 @@ impl Scene {
         let frames = Frames { current: &now.pyramid, previous: &self.pyramid, moving: &now.moving, gain: now.gain };
         let focal_px = 0.5 * now.pyramid.base().image.width() as f64 / (0.5 * parameters.field_of_view_rad).tan();
         let turned = self.yaw_rad.zip(yaw_rad).and_then(|(before, now)| compensation::turned(now - before, focal_px));
-        let (found, believed) = compensation::transform(&frames, self.motion.transform, turned, parameters);
-        if !believed {
+        let (found, is_plausible) = compensation::transform(&frames, self.motion.transform, turned, parameters);
+        if !is_plausible {
             return self.not_compensated(picture, yaw_rad, parameters, found.scaled(1 << halvings(self.width)));
         }
         self.failures = 0;
@@ -207,28 +207,28 @@ impl Scene {
         }
         let reference = compensation::reference(&self.pyramid.base().image, now.gain, &model_base, gain_model, rule.model_share);
         // The reference lies a share of the carry away from the previous frame.
-        let start = Motion { transform, field: self.motion.field.times(FIELD_KEPT).plus(&self.carry, rule.model_share) };
+        let start = Motion { transform, field: self.motion.field.times(FIELD_SHARE).plus(&self.carry, rule.model_share) };
         let to_reference = local::estimate(now.pyramid.base(), &reference, &now.moving, start, rule);
         let to_previous = Motion { transform, field: to_reference.field.plus(&self.carry, -rule.model_share) };
         let to_model = Motion { transform, field: to_previous.field.plus(&self.carry, 1.0) };
-        let whole = to_model.displacement();
+        let displacement = to_model.displacement();
         let factor = 1_usize << halvings(self.width);
-        if whole.rms() * factor as f32 > parameters.resample_px {
+        if displacement.rms() * factor as f32 > parameters.resample_px {
             if let Some(motion) = to_model.scaled(factor) {
-                std::mem::swap(&mut self.model, &mut self.spare);
-                self.model.resample(&self.spare, &motion, now.picture, &parameters.background);
+                std::mem::swap(&mut self.model, &mut self.reused);
+                self.model.resample(&self.reused, &motion, now.picture, &parameters.background);
             }
-            self.carry = whole.times(0.0);
+            self.carry = displacement.times(0.0);
             // What was seen before is not what these pixels see now.
             self.training = None;
         } else {
-            self.carry = whole;
+            self.carry = displacement;
         }
         self.motion = to_previous;
         gain_model
     }
 
-    /// A camera that stands still sees no parallax, and whoever walks close by it cannot bend the model: when the frame agrees
+    /// A camera that stands still sees no parallax, and a walker close by cannot bend the model: when the frame agrees
     /// with the model as it lies as well as it does with the frame before, there is no field to look for.
     fn stands_still(&self, now: &Current<'_>, found: &Found, model_base: &Plane<f32>, gain_model: f32) -> bool {
         if found.transform != Transform::identity() || self.carry.rms() > CARRY_STILL_PX {
@@ -288,7 +288,7 @@ impl Scene {
         (foreground, moved)
     }
 
-    /// The frame before stays the one to compare with: after one that is spoilt things go on as they were.
+    /// The frame before stays the one to compare with: after a spoilt frame nothing has changed.
     fn not_compensated(&mut self, picture: &Plane<f32>, yaw_rad: Option<f64>, parameters: &Parameters, found: Found) -> Outcome {
         self.failures += 1;
         self.forget_motion();

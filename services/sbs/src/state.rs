@@ -5,7 +5,7 @@ use messages::{Blob, CameraMotion, CameraStatus, FrameLayout, MAX_BLOBS, seconds
 use crate::compensation::Found;
 use crate::components::Component;
 use crate::parameters::Parameters;
-use crate::picture::{Refusal, luminance};
+use crate::picture::{FrameError, luminance};
 use crate::plane::Plane;
 use crate::scene::{Outcome, Scene};
 use crate::transform::Transform;
@@ -37,7 +37,7 @@ pub enum Remark {
     /// Nothing.
     None,
     /// It was refused; the state is as before.
-    Refused(Refusal),
+    Refused(FrameError),
     /// The pictures have another size than before: everything starts anew.
     NewSize,
     /// So much time lay between this frame and the last one that the motion before says nothing any more.
@@ -94,7 +94,7 @@ impl State {
     pub fn step(&mut self, frame: &Frame<'_>) -> Answer {
         let picture = match self.accepted(frame) {
             Ok(picture) => picture,
-            Err(refusal) => return refused(frame, refusal),
+            Err(error) => return refused(frame, error),
         };
         let gap_ns = self.last_stamp_ns.map_or(0, |last| frame.stamp_ns - last);
         self.last_stamp_ns = Some(frame.stamp_ns);
@@ -124,15 +124,15 @@ impl State {
         answer(&working, &outcome, if outcome.restarted { Remark::ModelRestarted } else { remark })
     }
 
-    fn accepted(&self, frame: &Frame<'_>) -> Result<Plane<f32>, Refusal> {
+    fn accepted(&self, frame: &Frame<'_>) -> Result<Plane<f32>, FrameError> {
         match self.last_stamp_ns {
-            Some(last_ns) if frame.stamp_ns <= last_ns => Err(Refusal::Time { stamp_ns: frame.stamp_ns, last_ns }),
+            Some(last_ns) if frame.stamp_ns <= last_ns => Err(FrameError::Time { stamp_ns: frame.stamp_ns, last_ns }),
             _ => luminance(&frame.layout, frame.bytes),
         }
     }
 }
 
-fn refused(frame: &Frame<'_>, refusal: Refusal) -> Answer {
+fn refused(frame: &Frame<'_>, error: FrameError) -> Answer {
     let motion = CameraMotion {
         transform: Transform::identity().rows(),
         status: CameraStatus::Refused as u32,
@@ -140,7 +140,7 @@ fn refused(frame: &Frame<'_>, refusal: Refusal) -> Answer {
         height: frame.layout.height.min(480),
         ..CameraMotion::default()
     };
-    Answer { motion, remark: Remark::Refused(refusal) }
+    Answer { motion, remark: Remark::Refused(error) }
 }
 
 fn answer(working: &Working, outcome: &Outcome, remark: Remark) -> Answer {

@@ -119,7 +119,7 @@ impl<R: BufRead> Y4mReader<R> {
     /// Reads the luminance of the next frame into `luma`, width × height bytes; false at the end of the stream.
     ///
     /// # Errors
-    /// [`Y4mError`]: the stream fails, does not go on with a frame or ends inside one.
+    /// [`Y4mError`]: the stream fails, does not continue with a frame or ends inside one.
     pub fn read(&mut self, luma: &mut Vec<u8>) -> Result<bool, Y4mError> {
         let start = self.offset;
         let Some(line) = self.line("FRAME")? else { return Ok(false) };

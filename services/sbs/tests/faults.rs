@@ -7,7 +7,7 @@ use common::{PERIOD_NS, grey, picture, step};
 use messages::{CameraStatus, FrameLayout, Payload};
 use proptest::prelude::*;
 use state::DecodeError;
-use stillmap_sbs::{CheckpointError, Frame, Odometry, Parameters, Refusal, Remark, State};
+use stillmap_sbs::{CheckpointError, Frame, FrameError, Odometry, Parameters, Remark, State};
 
 /// A state that has seen `count` frames of a still wall.
 fn seasoned(count: u64) -> State {
@@ -22,8 +22,8 @@ fn wall(n: u64) -> Vec<u8> {
     picture(160, 120, [0.0, 0.0], None, n)
 }
 
-/// The frame is refused, the refusal is the expected one, and the state is as before: the next good frame is compensated.
-fn check_refused(name: &str, layout: FrameLayout, bytes: &[u8], expected: impl Fn(&Refusal) -> bool) {
+/// The frame is refused, the error is the expected one, and the state is as before: the next good frame is compensated.
+fn check_refused(name: &str, layout: FrameLayout, bytes: &[u8], expected: impl Fn(&FrameError) -> bool) {
     let mut state = seasoned(20);
     let before = state.save();
     let answer = step(&mut state, 20, layout, bytes);
@@ -31,7 +31,7 @@ fn check_refused(name: &str, layout: FrameLayout, bytes: &[u8], expected: impl F
     assert_eq!(answer.motion.status, CameraStatus::Refused as u32, "{name}");
     assert_eq!(answer.motion.count, 0, "{name}");
     match &answer.remark {
-        Remark::Refused(refusal) => assert!(expected(refusal), "{name}: {refusal:?}"),
+        Remark::Refused(error) => assert!(expected(error), "{name}: {error:?}"),
         other => panic!("{name}: {other:?}"),
     }
     assert!(state.save() == before, "{name}: the state has changed");
@@ -43,16 +43,16 @@ fn check_refused(name: &str, layout: FrameLayout, bytes: &[u8], expected: impl F
 fn frames_that_lie_are_refused() {
     let good = wall(20);
     let layout = grey(160, 120);
-    check_refused("too few bytes", layout, &good[..good.len() - 1], |r| matches!(r, Refusal::Layout(_)));
-    check_refused("no bytes", layout, &[], |r| matches!(r, Refusal::Layout(_)));
-    check_refused("unknown format", FrameLayout { format: 9, ..layout }, &good, |r| matches!(r, Refusal::Layout(_)));
-    check_refused("stride below the row", FrameLayout { stride: 10, ..layout }, &good, |r| matches!(r, Refusal::Layout(_)));
-    check_refused("no width", FrameLayout { width: 0, ..layout }, &good, |r| matches!(r, Refusal::Layout(_)));
-    check_refused("too small", grey(40, 40), &good, |r| matches!(r, Refusal::Size { width: 40, height: 40 }));
-    check_refused("one value", layout, &[93; 160 * 120], |r| matches!(r, Refusal::Uniform { value: 93 }));
+    check_refused("too few bytes", layout, &good[..good.len() - 1], |r| matches!(r, FrameError::Layout(_)));
+    check_refused("no bytes", layout, &[], |r| matches!(r, FrameError::Layout(_)));
+    check_refused("unknown format", FrameLayout { format: 9, ..layout }, &good, |r| matches!(r, FrameError::Layout(_)));
+    check_refused("stride below the row", FrameLayout { stride: 10, ..layout }, &good, |r| matches!(r, FrameError::Layout(_)));
+    check_refused("no width", FrameLayout { width: 0, ..layout }, &good, |r| matches!(r, FrameError::Layout(_)));
+    check_refused("too small", grey(40, 40), &good, |r| matches!(r, FrameError::Size { width: 40, height: 40 }));
+    check_refused("one value", layout, &[93; 160 * 120], |r| matches!(r, FrameError::Uniform { value: 93 }));
     let mut bright: Vec<u8> = good.iter().map(|&z| z.saturating_mul(4)).collect();
     bright[0] = 10;
-    check_refused("saturated", layout, &bright, |r| matches!(r, Refusal::Saturated { .. }));
+    check_refused("saturated", layout, &bright, |r| matches!(r, FrameError::Saturated { .. }));
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn time_that_runs_backwards_is_refused() {
     let mut state = seasoned(20);
     for stamp_ns in [0, 5 * PERIOD_NS, 20 * PERIOD_NS] {
         let answer = state.step(&Frame { stamp_ns, layout: grey(160, 120), bytes: &wall(20), odometry: None });
-        let expected = Remark::Refused(Refusal::Time { stamp_ns, last_ns: 20 * PERIOD_NS });
+        let expected = Remark::Refused(FrameError::Time { stamp_ns, last_ns: 20 * PERIOD_NS });
         assert_eq!((answer.motion.status, answer.remark), (CameraStatus::Refused as u32, expected));
     }
 }
@@ -92,7 +92,7 @@ fn another_size_starts_anew() {
 }
 
 #[test]
-fn one_spoilt_frame_is_passed_over_and_three_start_the_model_anew() {
+fn one_spoilt_frame_is_skipped_and_three_restart_the_model() {
     let elsewhere = |n: u64| picture(160, 120, [5000.0 + 700.0 * n as f64, 900.0], None, n);
     let mut state = seasoned(20);
     let spoilt = step(&mut state, 20, grey(160, 120), &elsewhere(20));

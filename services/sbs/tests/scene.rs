@@ -155,7 +155,7 @@ fn odometry_leads_where_the_picture_alone_would_get_lost() {
 }
 
 #[test]
-fn a_restored_state_goes_on_to_the_byte() {
+fn a_restored_state_ends_in_equal_bytes() {
     for (cut, pan) in [(3, 0.0), (10, 0.0), (20, 0.0), (3, 0.8), (20, 0.8)] {
         let mut state = State::new(Parameters::default());
         let frame = |n: u64| picture(160, 120, [pan * n as f64, 0.0], (n >= 5).then(|| walker(160, 120, n)), n);

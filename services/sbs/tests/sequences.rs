@@ -61,9 +61,9 @@ fn a_camera_that_drives() {
 
 #[test]
 fn an_office_while_the_person_moves() {
-    // Frames 102 to 180: he walks in, stops and turns. The camera looks down on the desk: all of the picture may be in shadow.
+    // Frames 102 to 180: a man walks in, stops and turns. The camera looks down on the desk: all of the picture may be in shadow.
     check("real_camera/office_160", 102..=180, Parameters { horizon: 0.0, ..Parameters::default() }, 0.85, 0.05);
     check("real_camera/office_160", 102..=180, Parameters::default(), 0.85, 0.05);
-    // He stands from frame 181 on, moving his arms: still a blob, until the background takes over what does not move for 4 s.
+    // The man stands from frame 181 on and moves the arms: still a blob, until the background takes over what does not move for 4 s.
     check("real_camera/office_160", 90..=299, Parameters::default(), 0.85, 0.05);
 }

@@ -2,7 +2,7 @@
 
 use messages::CameraStatus;
 
-use ::sbs::{Answer, Refusal, Remark};
+use ::sbs::{Answer, FrameError, Remark};
 
 /// So many frames long a word stays: at 15 frames a second long enough to be seen.
 const STAYS_FRAMES: u64 = 30;
@@ -51,7 +51,7 @@ impl Remarks {
 fn words(seq: u64, answer: &Answer) -> Option<(&'static str, String)> {
     let status = CameraStatus::from_number(answer.motion.status);
     Some(match &answer.remark {
-        Remark::Refused(refusal) => (kind(refusal), format!("frame {seq} refused: {refusal}")),
+        Remark::Refused(error) => (kind(error), format!("frame {seq} refused: {error}")),
         Remark::NewSize => ("size", format!("pictures of another size from frame {seq} on: the background is learned anew")),
         Remark::Gap { seconds } => ("gap", format!("{seconds:.1} s without a picture before frame {seq}")),
         Remark::ModelRestarted => {
@@ -66,13 +66,13 @@ fn words(seq: u64, answer: &Answer) -> Option<(&'static str, String)> {
     })
 }
 
-fn kind(refusal: &Refusal) -> &'static str {
-    match refusal {
-        Refusal::Layout(_) => "layout",
-        Refusal::Size { .. } => "unfit size",
-        Refusal::Uniform { .. } => "uniform",
-        Refusal::Saturated { .. } => "saturated",
-        Refusal::Time { .. } => "time",
+fn kind(error: &FrameError) -> &'static str {
+    match error {
+        FrameError::Layout(_) => "layout",
+        FrameError::Size { .. } => "unfit size",
+        FrameError::Uniform { .. } => "uniform",
+        FrameError::Saturated { .. } => "saturated",
+        FrameError::Time { .. } => "time",
     }
 }
 
@@ -86,9 +86,9 @@ mod tests {
     }
 
     #[test]
-    fn a_word_is_said_once_and_stays_for_a_while() {
+    fn a_remark_is_logged_once_and_shown_for_2_s() {
         let mut remarks = Remarks::default();
-        let dark = |value| answer(CameraStatus::Refused, Remark::Refused(Refusal::Uniform { value }));
+        let dark = |value| answer(CameraStatus::Refused, Remark::Refused(FrameError::Uniform { value }));
         let good = answer(CameraStatus::Compensated, Remark::None);
         assert_eq!(remarks.answered(1, &good), None);
         assert_eq!(remarks.now(), "");
