@@ -65,7 +65,7 @@ fn assert_maps_the_corridor(out: &Path) {
 }
 
 #[test]
-fn a_program_on_the_shared_port_uses_the_robot_while_it_is_mapped() {
+fn a_program_on_the_shared_port_uses_the_mapped_robot() {
     let sandbox = Sandbox::new();
     let link = sandbox.path("shared");
     let mut run = sandbox.run(&sonar_drive("share").set("pioneer.share", &link), &["--speed", "4"]);
@@ -157,8 +157,8 @@ fn a_robot_behind_a_tcp_port_is_probed() {
 fn a_simulated_robot_serves_programs_outside_of_the_deployment() {
     let sandbox = Sandbox::new();
     let link = sandbox.path("robot");
-    let alone = Deployment::new("alone", &["simulator"]).set("simulator.world", worlds::path("corridor-empty"));
-    let mut run = sandbox.run(&alone.set("simulator.link", &link).set("robot.model", "p3-dx"), &["--speed", "20"]);
+    let robot_only = Deployment::new("alone", &["simulator"]).set("simulator.world", worlds::path("corridor-empty"));
+    let mut run = sandbox.run(&robot_only.set("simulator.link", &link).set("robot.model", "p3-dx"), &["--speed", "20"]);
     run.wait_for("simulator", "it runs", is_running);
     let mut program = Program::open(&link);
     assert_eq!(program.connect().subclass, "p3dx");
