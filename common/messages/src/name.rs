@@ -8,7 +8,7 @@ use crate::layout::{FNV_OFFSET, Layout, Shape, mix};
 /// use stillmap_messages::Text;
 ///
 /// assert_eq!(Text::<8>::new("mapping").as_str(), "mapping");
-/// assert_eq!(Text::<4>::new("mapping").as_str(), "mapp");
+/// assert_eq!(Text::<3>::new("mapping").as_str(), "map");
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(transparent)]
