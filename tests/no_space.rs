@@ -162,7 +162,7 @@ fn a_driver_killed_on_a_full_disk_continues_its_numbers() {
     signal(run.pid(), Signal::TERM);
     let ended = run.end();
     assert_eq!(ended.restarted(), Some("pioneer once"), "{}", ended.stderr);
-    let continued = ended.stderr.contains("took up the running session");
+    let continued = ended.stderr.contains("resumed the running session");
     assert!(!ended.stderr.contains("has restarted its numbers") && continued, "{}", ended.stderr);
     drop(world);
 }

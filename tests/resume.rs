@@ -72,7 +72,7 @@ fn a_deployment_killed_as_a_whole_resumes_its_map() {
     // The map holds the first scans already: what the driver now publishes under their numbers is dropped.
     write_scans(&sandbox, 0.6);
     let second = sandbox.run(&own, &[]).end();
-    assert!(second.stderr.contains("the last run goes on"), "{}", second.stderr);
+    assert!(second.stderr.contains("the last run is resumed"), "{}", second.stderr);
     assert_eq!(second.map(), whole_map(1.3), "{}", second.stderr);
     let out = sandbox.path("out");
     assert!(out.join("drive.2.mcap").exists(), "the log is continued in its next part");
