@@ -42,6 +42,7 @@ mod output_lock;
 mod own_driver;
 mod processes;
 mod real_robot;
+mod removed_files;
 mod replay_kills;
 mod resources;
 mod resume;

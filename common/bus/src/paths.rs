@@ -6,6 +6,7 @@
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// The folder of all domains of this user: `$STILLMAP_RUNTIME_DIR`, `$XDG_RUNTIME_DIR/stillmap`, or `/tmp/stillmap-<uid>`.
 ///
@@ -114,7 +115,7 @@ impl DomainPaths {
     /// Removes everything the domain ever put anywhere. Only while nothing lives in it.
     pub(crate) fn wipe(&self) -> io::Result<()> {
         self.wipe_bus()?;
-        ignore_missing(std::fs::remove_dir_all(&self.directory))
+        remove_tree(&self.directory)
     }
 
     /// Removes what iceoryx2 has made, and keeps the checkpoints of the run. Only while nothing lives in the domain.
@@ -128,8 +129,23 @@ impl DomainPaths {
                 ignore_missing(std::fs::remove_file(entry.path()))?;
             }
         }
-        ignore_missing(std::fs::remove_dir_all(self.root()))
+        remove_tree(&self.root())
     }
+}
+
+/// Most tries to remove a folder, and the time between two: an observer that joins adds files for some milliseconds.
+const TRIES: u32 = 100;
+const BETWEEN_TRIES: Duration = Duration::from_millis(5);
+
+/// Removes a folder with all that is in it, if it is there.
+fn remove_tree(folder: &Path) -> io::Result<()> {
+    for _ in 1..TRIES {
+        match std::fs::remove_dir_all(folder) {
+            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => std::thread::park_timeout(BETWEEN_TRIES),
+            result => return ignore_missing(result),
+        }
+    }
+    ignore_missing(std::fs::remove_dir_all(folder))
 }
 
 pub(crate) fn ignore_missing(result: io::Result<()>) -> io::Result<()> {

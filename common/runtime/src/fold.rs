@@ -1,5 +1,7 @@
 //! The run loop of a process whose algorithm is a fold over a source stream.
 
+use std::time::{Duration, Instant};
+
 use messages::{Service, StreamCursor};
 
 use crate::checkpoint::Checkpoint;
@@ -7,6 +9,10 @@ use crate::shell::{Context, Next, Process, RunError, Shell, StepError};
 
 /// Most messages taken in one round: half of the lockstep window of scans, so that playback sends the other half meanwhile.
 const TAKEN_PER_ROUND: usize = 128;
+
+/// After so long without a message the state is saved. A stream's history is lost with its sender: what came since the last checkpoint
+/// could not be sent again to processes that start together with their sources. Sources send every 0.1 s or so.
+const IDLE: Duration = Duration::from_millis(250);
 
 /// A process as a fold: messages in, state, messages out.
 ///
@@ -127,13 +133,13 @@ pub trait Fold {
 /// Runs a fold until its inputs have ended or the process is asked to stop.
 ///
 /// A round takes messages until none waits or [`Context::round_is_over`]; then the heartbeat and the reports follow. The state is
-/// saved after as many messages of the source as its replay allows, and before the end.
+/// saved after as many messages of the source as its replay allows, when none came for a while, and before the end.
 ///
 /// # Errors
 /// When a step fails, or the bus does.
 pub fn run_fold<F: Fold>(shell: Shell, checkpoint: Checkpoint, fold: &mut F) -> Result<(), RunError> {
     let checkpointed = fold.received().seq;
-    shell.run(&mut Folding { fold, checkpoint, checkpointed, has_ended: false })
+    shell.run(&mut Folding { fold, checkpoint, checkpointed, taken: None, has_ended: false })
 }
 
 /// A fold in its run loop.
@@ -142,6 +148,8 @@ struct Folding<'a, F> {
     checkpoint: Checkpoint,
     /// Last message of the source that the checkpoint includes.
     checkpointed: u64,
+    /// When the last message was taken that the checkpoint does not include.
+    taken: Option<Instant>,
     has_ended: bool,
 }
 
@@ -157,6 +165,7 @@ impl<F: Fold> Folding<'_, F> {
             if !self.fold.take()? {
                 return Ok(false);
             }
+            self.taken = Some(Instant::now());
             if self.fold.received().seq >= self.checkpointed + Self::INTERVAL || self.checkpoint.is_missing() {
                 self.save()?;
             }
@@ -170,7 +179,12 @@ impl<F: Fold> Folding<'_, F> {
     fn save(&mut self) -> Result<(), StepError> {
         self.fold.save(&mut self.checkpoint)?;
         self.checkpointed = self.fold.received().seq;
+        self.taken = None;
         Ok(())
+    }
+
+    fn save_when_idle(&mut self) -> Result<(), StepError> {
+        if self.taken.is_some_and(|taken| taken.elapsed() >= IDLE) { self.save() } else { Ok(()) }
     }
 }
 
@@ -182,6 +196,9 @@ impl<F: Fold> Process for Folding<'_, F> {
             self.save()?;
             self.fold.end()?;
             self.has_ended = true;
+        }
+        if !self.has_ended {
+            self.save_when_idle()?;
         }
         self.fold.report(context, more);
         let next = self.fold.publish(more)?;

@@ -20,12 +20,26 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Running,
-    Rebuilding { asked: bool, drains: bool },
+    Rebuilding { stage: Stage, drains: bool },
     Draining { began: Duration, quiet_since: Duration },
     Stopping,
     Over,
 }
 
+/// How far the domain is on its way to be made anew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// The sources are killed; the others take what these have sent, and save it.
+    Settling { until: Duration },
+    /// The others are killed, too.
+    Killing,
+    /// Nothing lives in the domain any more.
+    Asked,
+}
+
+/// How long processes have, once their sources are gone, to take what waits and to save their state: they save it after 0.25 s without
+/// a message, and the recorder writes once a second.
+const SETTLING: Duration = Duration::from_secs(2);
 /// A drain ends at the latest after this many stop deadlines, whatever still seems to move.
 const LONGEST_DRAIN: u32 = 40;
 
@@ -68,13 +82,14 @@ impl Deployment {
     /// When the next step is due without an event.
     #[must_use]
     pub fn due(&self) -> Option<Duration> {
-        let drained = match self.phase {
+        let phase = match self.phase {
             Phase::Draining { began, quiet_since } => {
                 Some((quiet_since + self.policy.stop_deadline).min(began + self.policy.stop_deadline * LONGEST_DRAIN))
             }
+            Phase::Rebuilding { stage: Stage::Settling { until }, .. } => Some(until),
             _ => None,
         };
-        self.processes.iter().filter_map(|p| p.due(&self.policy)).chain(drained).min()
+        self.processes.iter().filter_map(|p| p.due(&self.policy)).chain(phase).min()
     }
 
     /// Takes one event and says what to do, in order.
@@ -98,8 +113,12 @@ impl Deployment {
         }
         match self.phase {
             Phase::Running => self.run(now, &mut actions),
-            Phase::Rebuilding { asked: false, drains } if !self.processes.iter().any(Lifecycle::is_live) => {
-                self.phase = Phase::Rebuilding { asked: true, drains };
+            Phase::Rebuilding { stage: Stage::Settling { until }, drains } if now >= until => {
+                self.phase = Phase::Rebuilding { stage: Stage::Killing, drains };
+                self.kill_for_rebuild(|_| true, &mut actions);
+            }
+            Phase::Rebuilding { stage: Stage::Killing, drains } if !self.processes.iter().any(Lifecycle::is_live) => {
+                self.phase = Phase::Rebuilding { stage: Stage::Asked, drains };
                 actions.push(Action::Rebuild);
             }
             Phase::Rebuilding { .. } | Phase::Draining { .. } | Phase::Stopping | Phase::Over => {}
@@ -292,9 +311,13 @@ impl Deployment {
         if self.rebuilds.grant(&self.policy, now).is_none() {
             return self.begin_stop(Ending::DomainBroken, actions);
         }
-        self.phase = Phase::Rebuilding { asked: false, drains };
+        self.phase = Phase::Rebuilding { stage: Stage::Settling { until: now + SETTLING }, drains };
         actions.push(Action::Tell(Notice::Rebuilds));
-        for (process, it) in self.processes.iter_mut().enumerate() {
+        self.kill_for_rebuild(|plan| plan.role == Role::Source, actions);
+    }
+
+    fn kill_for_rebuild(&mut self, concerns: impl Fn(&Plan) -> bool, actions: &mut Vec<Action>) {
+        for (process, it) in self.processes.iter_mut().enumerate().filter(|(_, it)| concerns(&it.plan)) {
             match it.state {
                 State::Backoff { .. } => it.state = State::Waiting,
                 State::Starting { .. } | State::Running { .. } | State::Stopping { .. } => {
