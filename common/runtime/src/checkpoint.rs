@@ -1,6 +1,6 @@
 //! The state of a process in a file: written whole or not at all, checked when read.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use core::fmt::Display;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -36,6 +36,8 @@ pub struct Checkpoint {
     incarnation: u32,
     /// The file as this incarnation has left it.
     journal: Option<Journal>,
+    /// Whether the file was there: saved by this incarnation, or found by it.
+    was_there: Cell<bool>,
     /// When the file was last looked for.
     looked: Instant,
     save_error: SaveError,
@@ -95,6 +97,7 @@ impl Checkpoint {
             start: membership.start(),
             incarnation: membership.incarnation(),
             journal: None,
+            was_there: Cell::new(false),
             looked: Instant::now(),
             save_error,
         }
@@ -127,7 +130,10 @@ impl Checkpoint {
                     }
                     let before_a_stop = self.incarnation == 0 || contents.start < self.start;
                     match restore(&Snapshot { state: contents.head, parts: contents.parts, before_a_stop }) {
-                        Ok(restored) => return Some(restored),
+                        Ok(restored) => {
+                            self.was_there.set(true);
+                            return Some(restored);
+                        }
                         Err(error) => error.to_string(),
                     }
                 }
@@ -141,14 +147,14 @@ impl Checkpoint {
         None
     }
 
-    /// Whether the file is missing although it can be written, as when a cleaner has removed its folder: then the state is saved at the
+    /// Whether the file is missing although it was there and can be written, as when a cleaner has removed its folder: then the state is saved at the
     /// next message, whatever the interval is. Looks at most once in [`LOOK`].
     pub fn is_missing(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return false;
         }
         self.looked = Instant::now();
-        self.save_error.borrow().is_none() && !self.path.exists()
+        self.was_there.get() && self.save_error.borrow().is_none() && !self.path.exists()
     }
 
     /// Replaces what was saved before. After a kill at any moment, either the old or the new state is there. Where the file system
@@ -197,6 +203,7 @@ impl Checkpoint {
             None => self.replace(&self.path, head, parts)?,
         };
         self.journal = Some(written);
+        self.was_there.set(true);
         Ok(())
     }
 
@@ -307,8 +314,6 @@ impl<W: Write> Write for Counting<W> {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use std::cell::Cell;
-
     use super::*;
 
     /// The checkpoint of a process that has been killed once, in a run that has been started `start` times before.
@@ -322,6 +327,7 @@ pub(crate) mod tests {
             start,
             incarnation: 1,
             journal: None,
+            was_there: Cell::new(false),
             looked: Instant::now(),
             save_error: SaveError::default(),
         }
@@ -486,6 +492,7 @@ pub(crate) mod tests {
             checkpoint.looked -= LOOK;
             checkpoint.is_missing()
         };
+        assert!(!is_missing(&mut checkpoint), "it was never there");
         checkpoint.save(b"first");
         assert!(!is_missing(&mut checkpoint));
         std::fs::remove_dir_all(&folder).expect("removed");

@@ -12,7 +12,7 @@ const TAKEN_PER_ROUND: usize = 128;
 
 /// After so long without a message the state is saved. A stream's history is lost with its sender: what came since the last checkpoint
 /// could not be sent again to processes that start together with their sources. Sources send every 0.1 s or so.
-const IDLE: Duration = Duration::from_millis(250);
+const IDLE: Duration = Duration::from_secs(1);
 
 /// A process as a fold: messages in, state, messages out.
 ///

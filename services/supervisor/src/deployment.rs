@@ -37,9 +37,9 @@ enum Stage {
     Asked,
 }
 
-/// How long processes have, once their sources are gone, to take what waits and to save their state: they save it after 0.25 s without
+/// How long processes have, once their sources are gone, to take what waits and to save their state: they save it after a second without
 /// a message, and the recorder writes once a second.
-const SETTLING: Duration = Duration::from_secs(2);
+const SETTLING: Duration = Duration::from_secs(3);
 /// A drain ends at the latest after this many stop deadlines, whatever still seems to move.
 const LONGEST_DRAIN: u32 = 40;
 

@@ -355,11 +355,11 @@ fn a_broken_domain_is_rebuilt_once_nothing_lives_in_it() {
     it.step(exited(2, Exit::Signal(9)), ms(101));
     it.step(exited(3, Exit::Signal(9)), ms(102));
     it.step(heartbeat(0, 1), ms(2000));
-    assert_eq!(commands(&it.step(Event::Tick, ms(2099))), [], "the recorder saves what it has received");
-    assert_eq!(commands(&it.step(Event::Tick, ms(2100))), [Action::Kill(0)]);
-    assert_eq!(commands(&it.step(exited(0, Exit::Signal(9)), ms(2101))), [Action::Rebuild]);
-    assert_eq!(commands(&it.step(Event::Tick, ms(2102))), []);
-    assert_eq!(commands(&it.step(Event::Rebuilt, ms(2103))), [Action::Spawn { process: 0, incarnation: 1 }]);
+    assert_eq!(commands(&it.step(Event::Tick, ms(3099))), [], "the recorder saves what it has received");
+    assert_eq!(commands(&it.step(Event::Tick, ms(3100))), [Action::Kill(0)]);
+    assert_eq!(commands(&it.step(exited(0, Exit::Signal(9)), ms(3101))), [Action::Rebuild]);
+    assert_eq!(commands(&it.step(Event::Tick, ms(3102))), []);
+    assert_eq!(commands(&it.step(Event::Rebuilt, ms(3103))), [Action::Spawn { process: 0, incarnation: 1 }]);
 }
 
 #[test]
@@ -373,14 +373,14 @@ fn a_domain_lost_in_a_drain_is_rebuilt_and_the_drain_resumes() {
     for process in [0, 1] {
         it.step(heartbeat(process, 1), ms(1000));
     }
-    assert_eq!(commands(&it.step(Event::Tick, ms(2102))), [Action::Kill(0), Action::Kill(1)]);
-    it.step(exited(0, Exit::Signal(9)), ms(2103));
-    assert_eq!(commands(&it.step(exited(1, Exit::Signal(9)), ms(2104))), [Action::Rebuild]);
+    assert_eq!(commands(&it.step(Event::Tick, ms(3102))), [Action::Kill(0), Action::Kill(1)]);
+    it.step(exited(0, Exit::Signal(9)), ms(3103));
+    assert_eq!(commands(&it.step(exited(1, Exit::Signal(9)), ms(3104))), [Action::Rebuild]);
     let starts = [0, 1, 2].map(|process| Action::Spawn { process, incarnation: 1 });
-    assert_eq!(commands(&it.step(Event::Rebuilt, ms(2106))), starts);
-    assert_eq!(commands(&it.step(heartbeat(2, 0), ms(2110))), [Action::Terminate(2)], "the source publishes its end again");
+    assert_eq!(commands(&it.step(Event::Rebuilt, ms(3106))), starts);
+    assert_eq!(commands(&it.step(heartbeat(2, 0), ms(3110))), [Action::Terminate(2)], "the source publishes its end again");
     for process in [2, 1, 0] {
-        it.step(exited(process, Exit::Finished), ms(2120));
+        it.step(exited(process, Exit::Finished), ms(3120));
     }
     assert!(it.is_over());
     assert_eq!(it.ending(), Some(Ending::Complete));
