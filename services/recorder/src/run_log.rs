@@ -237,10 +237,10 @@ impl RunLog {
         });
         self.changed = changes.collect();
         let lost: u64 = parts.iter().map(|part| lost_bytes(part, &self.first_path)).sum();
-        let (bytes, first) = (self.bytes() - lost, self.first_path.display());
+        let (bytes, path) = (self.bytes() - lost, self.file.path().display());
         match parts.len() {
-            1 => tracing::info!("recorded {bytes} bytes in {first}"),
-            count => tracing::info!("recorded {bytes} bytes in {count} parts, from {first} on"),
+            1 => tracing::info!("recorded {bytes} bytes in {path}"),
+            count => tracing::info!("recorded {bytes} bytes in {count} parts, the last of them {path}"),
         }
         let changes = self.changed.iter().map(|(path, change)| format!("{} {change}", path.display()));
         let dropped = Some(self.not_recorded()).filter(|count| *count > 0).map(|count| format!("{count} messages were not recorded"));
