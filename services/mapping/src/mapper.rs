@@ -18,6 +18,13 @@ use crate::parameters::{CommitRule, Parameters, ParametersError};
 use crate::pending::{Decision, PendingScan};
 use crate::way::Way;
 
+/// Faster than any indoor robot, m/s: the robots of the Pioneer family drive up to 1.8 m/s, and their odometry turns slip into metres
+/// only over seconds.
+const FASTEST_M_S: f64 = 10.0;
+/// A pose may jump by so much at once, m: a driver corrects its odometry, and stamps of packets are off by some milliseconds.
+const LARGEST_JUMP_M: f64 = 0.5;
+/// After so long without a scan any pose is believed, ns: the robot was carried, or its odometry began anew.
+const POSE_LOST_NS: u64 = 1_000_000_000;
 /// Most verdicts that are kept for scans still to come.
 pub(crate) const MAX_EARLY: usize = 1024;
 
@@ -74,6 +81,18 @@ pub enum Refused {
         stamp_ns: u64,
         /// The time of the scan before.
         last_ns: u64,
+    },
+    /// No robot moves so fast: its driver is wrong about this pose, or was about the one before.
+    #[error("scan {seq} is {jump_m:.1} m away from the one before, expected at most {most_m:.1} m in {elapsed_s:.2} s")]
+    ImplausiblePose {
+        /// Its place.
+        seq: u64,
+        /// From the pose before, m.
+        jump_m: f64,
+        /// As far as a robot can be, m.
+        most_m: f64,
+        /// Since the scan before, s.
+        elapsed_s: f64,
     },
     /// The settings say that none is to come.
     #[error("a verdict on scan {seq}, expected none: the settings do not expect verdicts")]
@@ -194,6 +213,7 @@ impl Mapper {
         if stamp_ns < self.last.stamp_ns {
             return Err(Refused::BackInTime { seq, stamp_ns, last_ns: self.last.stamp_ns });
         }
+        self.check_jump(seq, stamp_ns, scan)?;
         self.last = at;
         self.way.visit(&scan.pose);
         // Verdicts on scans that were lost on the way wait for nothing.
@@ -201,6 +221,15 @@ impl Mapper {
         let decision = self.early.remove(&seq);
         self.pending.push_back(PendingScan { seq, stamp_ns, scan: *scan, decision, outlook: 0 });
         Ok(())
+    }
+
+    /// A single pose far away would draw into the map where the robot never was.
+    fn check_jump(&self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), Refused> {
+        let elapsed_ns = stamp_ns - self.last.stamp_ns;
+        let Some(jump_m) = self.way.distance_m(&scan.pose).filter(|_| elapsed_ns < POSE_LOST_NS) else { return Ok(()) };
+        let elapsed_s = elapsed_ns as f64 * 1e-9;
+        let most_m = LARGEST_JUMP_M + self.way.step_m + FASTEST_M_S * elapsed_s;
+        if jump_m > most_m { Err(Refused::ImplausiblePose { seq, jump_m, most_m, elapsed_s }) } else { Ok(()) }
     }
 
     fn take_verdict(&mut self, seq: u64, verdict: &FilterVerdict) -> Result<(), Refused> {

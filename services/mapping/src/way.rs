@@ -32,10 +32,15 @@ impl Way {
         Self { step_m, length_m, places_m, sent: 0 }
     }
 
+    /// From the last place to `pose`, m; the robot may have moved by less than a step since.
+    pub(crate) fn distance_m(&self, pose: &Pose) -> Option<f64> {
+        let [x, y] = *self.places_m.last()?;
+        Some((pose.x_m - f64::from(x)).hypot(pose.y_m - f64::from(y)))
+    }
+
     /// The robot is at `pose` in the map frame.
     pub(crate) fn visit(&mut self, pose: &Pose) {
-        if let Some(&[x, y]) = self.places_m.last() {
-            let moved = (pose.x_m - f64::from(x)).hypot(pose.y_m - f64::from(y));
+        if let Some(moved) = self.distance_m(pose) {
             if moved < self.step_m {
                 return;
             }

@@ -153,6 +153,23 @@ fn in_lockstep_a_verdict_is_waited_for() {
 }
 
 #[test]
+fn a_pose_that_no_robot_can_reach_is_refused_unless_it_lasts() {
+    let at = |x_m: f64| SonarScan { pose: messages::Pose { x_m, ..messages::Pose::default() }, ..echo_ahead(1.0) };
+    let mut mapper = by_horizon();
+    mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &at(0.0) }).unwrap();
+    let before = save(&mapper);
+    let refused = mapper.step(Input::Scan { seq: 2, stamp_ns: 100_000_000, scan: &at(500.0) }).unwrap_err();
+    assert_eq!(refused.to_string(), "scan 2 is 500.0 m away from the one before, expected at most 1.5 m in 0.10 s");
+    assert_eq!(save(&mapper), before);
+    mapper.step(Input::Scan { seq: 3, stamp_ns: 200_000_000, scan: &at(0.3) }).unwrap();
+    for (seq, stamp_ns) in [(4, 300_000_000), (5, 1_199_000_000)] {
+        mapper.step(Input::Scan { seq, stamp_ns, scan: &at(500.0) }).unwrap_err();
+    }
+    mapper.step(Input::Scan { seq: 6, stamp_ns: 1_200_000_000, scan: &at(500.0) }).unwrap();
+    mapper.step(Input::Scan { seq: 7, stamp_ns: 1_300_000_000, scan: &at(500.1) }).unwrap();
+}
+
+#[test]
 fn what_cannot_be_taken_is_refused_and_changes_nothing() {
     let mut mapper = lockstep_with_verdicts();
     mapper.step(Input::Scan { seq: 5, stamp_ns: 100, scan: &echo_ahead(1.0) }).unwrap();
@@ -232,7 +249,8 @@ fn drive() -> impl Strategy<Value = Vec<(SonarScan, u32)>> {
         sonar: 0,
         echo: u32::from(echo),
     });
-    let pose = (-1.0..1.0f64, -1.0..1.0f64, 0.0..TAU).prop_map(|(x_m, y_m, yaw_rad)| Pose { x_m, y_m, yaw_rad });
+    // As far apart as a robot can be after 0.1 s.
+    let pose = (-0.5..0.5f64, -0.5..0.5f64, 0.0..TAU).prop_map(|(x_m, y_m, yaw_rad)| Pose { x_m, y_m, yaw_rad });
     let scan = (pose, prop::collection::vec(reading, 0..4)).prop_map(|(pose, readings)| SonarScan::new(pose, &readings, false));
     prop::collection::vec((scan, prop_oneof![Just(0u32), 0..8u32]), 1..24)
 }

@@ -79,6 +79,8 @@ struct Mapping {
     shown_at: Option<Instant>,
     scans_ended_at: Option<Instant>,
     refused: u64,
+    /// The last scan that the map refused: it is answered, too.
+    refused_scan: u64,
     refusals: Episode,
     /// Scans from which on poses may be off against the map before.
     doubtful: u64,
@@ -103,6 +105,10 @@ impl Fold for Mapping {
 
     fn received(&self) -> StreamCursor {
         self.mapper.last_scan()
+    }
+
+    fn answered(&self) -> u64 {
+        self.mapper.last_scan().seq.max(self.refused_scan)
     }
 
     /// Whether the scans have ended and no verdict is missing, or none is waited for any longer.
@@ -202,6 +208,7 @@ impl Mapping {
             shown_at: None,
             scans_ended_at: None,
             refused: 0,
+            refused_scan: 0,
             refusals: Episode::default(),
             doubtful: 0,
             doubts: Episode::default(),
@@ -224,6 +231,9 @@ impl Mapping {
                     tracing::info!("the pose was doubtful {count} times up to scan {seq}");
                 }
                 let taken = self.mapper.step(Input::Scan { seq, stamp_ns: scan.stamp_ns(), scan: &scan });
+                if taken.is_err() {
+                    self.refused_scan = seq;
+                }
                 self.count_refused(taken);
             }
             Some(Received::End { .. }) => self.scans_ended_at = Some(Instant::now()),
