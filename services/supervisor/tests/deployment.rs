@@ -607,12 +607,15 @@ proptest! {
             world.advance();
         }
         world.feed(Event::StopAsked);
-        // Longest drain, then two deadlines for each process.
+        // Longest drain, then two deadlines for each process. All begin again with a rebuild, after which processes resume their work.
         let limit = 40 * 30 + 2 * 30 * world.children.len() + 100;
-        let mut steps = 0;
+        let (mut steps, mut rebuilds) = (0, world.rebuild_times.len());
         while !world.it.is_over() {
             world.advance();
             steps += 1;
+            if world.rebuild_times.len() > rebuilds {
+                (steps, rebuilds) = (0, world.rebuild_times.len());
+            }
             prop_assert!(steps <= limit, "does not end: {:?}", world.it);
         }
         prop_assert!(world.children.iter().all(Option::is_none), "a child outlives the run");
