@@ -134,7 +134,7 @@ impl<P: Pictures> FrameReader<P> {
         self.refused.take()
     }
 
-    /// Takes everything up to `seq`, which has this stamp, as received: a process that restarts goes on after what its
+    /// Takes everything up to `seq`, which has this stamp, as received: a process that restarts resumes after what its
     /// checkpoint includes.
     pub fn skip_to(&mut self, seq: u64, stamp_ns: u64) {
         self.stream.skip_to(seq, stamp_ns);

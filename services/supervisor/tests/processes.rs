@@ -60,10 +60,10 @@ const TESTS: &[(&str, fn())] = &[
     ("a_child_that_ignores_sigterm_is_killed", a_child_that_ignores_sigterm_is_killed),
     ("a_child_that_is_asked_twice_ends_in_order", a_child_that_is_asked_twice_ends_in_order),
     ("a_program_that_is_not_there_fails", a_program_that_is_not_there_fails),
-    ("a_flood_of_words_stops_nobody", a_flood_of_words_stops_nobody),
+    ("a_flood_of_words_stops_no_process", a_flood_of_words_stops_no_process),
     ("a_process_that_never_joins_fails", a_process_that_never_joins_fails),
     ("nonsense_is_refused_and_named", nonsense_is_refused_and_named),
-    ("a_flood_of_messages_stops_nobody", a_flood_of_messages_stops_nobody),
+    ("a_flood_of_messages_stops_no_process", a_flood_of_messages_stops_no_process),
     ("a_supervisor_that_was_stopped_takes_no_process_for_hung", a_supervisor_that_was_stopped_takes_no_process_for_hung),
     ("visitors_that_were_killed_take_no_place_for_long", visitors_that_were_killed_take_no_place_for_long),
     ("nothing_outlives_a_killed_supervisor", nothing_outlives_a_killed_supervisor),
@@ -217,7 +217,7 @@ fn a_program_that_is_not_there_fails() {
     assert!(cause.starts_with("could not be started: ") && cause.contains("not started again"), "{cause}");
 }
 
-fn a_flood_of_words_stops_nobody() {
+fn a_flood_of_words_stops_no_process() {
     let (outcome, _) = supervise(&["floods", "counts"]);
     assert_eq!((outcome.exit_code(), restarts(&outcome, "floods"), restarts(&outcome, "counts")), (0, 0, 0));
 }
@@ -241,7 +241,7 @@ fn names_its_refusals(process: &ProcessStatus) -> bool {
     process.refused > 0 && process.note.as_str().contains("of robot/scan; at work")
 }
 
-fn a_flood_of_messages_stops_nobody() {
+fn a_flood_of_messages_stops_no_process() {
     let (outcome, _) = supervise(&["listens", "floods-the-bus"]);
     assert_eq!((outcome.exit_code(), restarts(&outcome, "listens"), restarts(&outcome, "floods-the-bus")), (0, 0, 0));
 }
@@ -550,9 +550,9 @@ fn child(behaviour: &str, announcement: Option<&Path>) -> ExitCode {
     let mut shell = Shell::join(membership).unwrap();
     if behaviour == "finds-broken-once" {
         let mut checkpoint = shell.checkpoint();
-        let kept = checkpoint.restore(|saved| Ok::<_, String>(saved.state.to_vec()));
-        assert_eq!(kept.is_some(), !first, "the checkpoints of the run outlive its bus");
-        checkpoint.save(b"kept");
+        let restored = checkpoint.restore(|saved| Ok::<_, String>(saved.state.to_vec()));
+        assert_eq!(restored.is_some(), !first, "the checkpoints of the run outlive its bus");
+        checkpoint.save(b"restored");
     }
     let work = match behaviour {
         "counts" => Work::Counts { rounds: 20, every: Duration::from_millis(10) },
