@@ -63,7 +63,7 @@ impl<'a> Arc<'a> {
 
     /// Takes in another reading; readings come in the order of time. `weight`: how far its echo counts as a hit of something
     /// that stands.
-    pub(crate) fn hear(&mut self, stamp_ns: u64, beam: &Beam, weight: f64) {
+    pub(crate) fn add(&mut self, stamp_ns: u64, beam: &Beam, weight: f64) {
         if stamp_ns / SLOT_NS != self.slot {
             self.end_slot();
             self.slot = stamp_ns / SLOT_NS;
@@ -148,12 +148,12 @@ mod tests {
         let echo = beam(0.0, 0.0, 0.0, 1.0);
         let cells = echo.arc(still.size(), 0.05);
         let mut arc = Arc::new(&still, &echo, &cells);
-        (0..).zip(others).for_each(|(slot, (beam, weight))| arc.hear(slot * SLOT_NS, beam, *weight));
+        (0..).zip(others).for_each(|(slot, (beam, weight))| arc.add(slot * SLOT_NS, beam, *weight));
         arc.balance()
     }
 
     #[test]
-    fn an_echo_from_the_same_place_speaks_for_something_and_counts_by_its_weight() {
+    fn an_echo_from_the_same_place_counts_by_its_weight() {
         let again = beam(0.0, 0.0, 0.0, 1.0);
         assert_eq!(balance_with(&[]), 0.0);
         assert_eq!(balance_with(&[(again, 1.0)]), 1.0);
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn who_passes_from_the_same_side_contradicts_and_from_another_less() {
+    fn a_pass_from_the_same_side_contradicts_more_than_another() {
         let asked = beam(0.0, 0.0, 0.0, 1.0);
         let cell = ArcCell { x_m: 1.0, ..ArcCell::default() };
         let across = |range_m| beam(1.0, -1.0, std::f64::consts::FRAC_PI_2, range_m);
@@ -184,7 +184,7 @@ mod tests {
         let still = Still::new(Lattice::new(CellSize::new(0.05).unwrap()));
         let cells = again.arc(still.size(), 0.05);
         let mut arc = Arc::new(&still, &again, &cells);
-        (0..4).for_each(|part| arc.hear(part * SLOT_NS / 4, &again, 1.0));
+        (0..4).for_each(|part| arc.add(part * SLOT_NS / 4, &again, 1.0));
         assert_eq!(arc.balance(), 1.0);
     }
 }

@@ -65,7 +65,7 @@ pub(crate) struct Runs {
 
 impl Runs {
     /// Takes the next reading of a sonar; the number of the run that it belongs to, 0 for silence.
-    pub(crate) fn hear(&mut self, sonar: u32, stamp_ns: u64, beam: &Beam) -> u64 {
+    pub(crate) fn add(&mut self, sonar: u32, stamp_ns: u64, beam: &Beam) -> u64 {
         let before = self.said.iter().find(|said| said.sonar == sonar).filter(|said| stamp_ns.saturating_sub(said.stamp_ns) < BREAK_NS);
         let (begun, open) = (before.is_some(), before.map_or(0, |said| said.run));
         let [cos, sin] = beam.axis();
@@ -132,24 +132,24 @@ mod tests {
     }
 
     /// The run of each of a sonar's readings at even times, and all runs; a range of 3 m is silence.
-    fn heard(ranges_m: &[f64]) -> (Vec<u64>, Runs) {
+    fn after(ranges_m: &[f64]) -> (Vec<u64>, Runs) {
         let mut runs = Runs::default();
-        let of = (0..).zip(ranges_m).map(|(ping, range_m)| runs.hear(1, ping * PING_NS, &beam(Pose::default(), *range_m))).collect();
+        let of = (0..).zip(ranges_m).map(|(ping, range_m)| runs.add(1, ping * PING_NS, &beam(Pose::default(), *range_m))).collect();
         (of, runs)
     }
 
     #[test]
     fn who_passes_before_a_wall_is_a_run_of_his_own() {
-        let (of, runs) = heard(&[2.0, 2.05, 1.1, 1.15, 1.2, 2.0, 2.0]);
+        let (of, runs) = after(&[2.0, 2.05, 1.1, 1.15, 1.2, 2.0, 2.0]);
         assert_eq!(of, [1, 1, 2, 2, 2, 3, 3]);
         assert!((runs.dwell_s(2) - 0.56).abs() < 1e-9, "{}", runs.dwell_s(2));
-        assert_eq!(runs.dwell_s(1), f64::INFINITY, "nobody knows how long it was there before");
+        assert_eq!(runs.dwell_s(1), f64::INFINITY, "it may have been there for long before");
         assert_eq!(runs.dwell_s(3), f64::INFINITY, "nor how long it will be");
     }
 
     #[test]
     fn silence_ends_a_run_and_belongs_to_none() {
-        let (of, runs) = heard(&[3.0, 1.0, 3.0, 1.0, 3.0]);
+        let (of, runs) = after(&[3.0, 1.0, 3.0, 1.0, 3.0]);
         assert_eq!(of, [0, 1, 0, 2, 0]);
         assert_eq!([runs.dwell_s(1), runs.dwell_s(2), runs.dwell_s(0)], [0.0, 0.0, f64::INFINITY]);
     }
@@ -160,7 +160,7 @@ mod tests {
             let mut runs = Runs::default();
             let said = [(Pose::default(), 3.0), (Pose::default(), 1.0), (to, 1.0), (to, 3.0)];
             for (ping, (pose, range_m)) in (0..).zip(said) {
-                runs.hear(1, ping * PING_NS, &beam(pose, range_m));
+                runs.add(1, ping * PING_NS, &beam(pose, range_m));
             }
             runs.dwell_s(1)
         };
@@ -172,8 +172,8 @@ mod tests {
     #[test]
     fn each_sonar_has_its_own_runs_and_a_long_silence_begins_anew() {
         let mut runs = Runs::default();
-        let mut hear = |sonar, stamp_ns| runs.hear(sonar, stamp_ns, &beam(Pose::default(), 1.0));
-        assert_eq!([hear(1, 0), hear(2, 0), hear(1, PING_NS), hear(2, PING_NS), hear(1, PING_NS + BREAK_NS)], [1, 2, 1, 2, 3]);
+        let mut add = |sonar, stamp_ns| runs.add(sonar, stamp_ns, &beam(Pose::default(), 1.0));
+        assert_eq!([add(1, 0), add(2, 0), add(1, PING_NS), add(2, PING_NS), add(1, PING_NS + BREAK_NS)], [1, 2, 1, 2, 3]);
         runs.forget(PING_NS + 1);
         assert_eq!(runs.runs.iter().map(|run| run.id).collect::<Vec<_>>(), [3]);
     }
@@ -181,7 +181,7 @@ mod tests {
     proptest! {
         #[test]
         fn readings_of_a_run_follow_one_another_closely(ranges_m in proptest::collection::vec(0.2..3.5f64, 1..60)) {
-            let (of, runs) = heard(&ranges_m);
+            let (of, runs) = after(&ranges_m);
             for (pair, ranges) in of.windows(2).zip(ranges_m.windows(2)) {
                 prop_assert_eq!(pair[0] == pair[1] && pair[0] != 0, ranges.iter().all(|r| *r < 3.0) && (ranges[0] - ranges[1]).abs() < STEP_M);
             }

@@ -10,7 +10,7 @@ use crate::pending::{PendingReading, PendingScan};
 use crate::smoothed::Smoothed;
 use crate::still::Still;
 use crate::tracks::Tracks;
-use crate::verdict::{passer_by, presences, walker, weight};
+use crate::verdict::{presences, untracked_walker, walker, weight};
 
 /// Radius of the floor that the robot itself takes, m.
 /// A Pioneer is 0.33 m wide. Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.35 %.
@@ -20,23 +20,23 @@ const ROBOT_RADIUS_M: f64 = 0.2;
 const RECENT_NS: u64 = 6_000_000_000;
 /// Known to be free is all that matters, not for how long.
 const LEAST_PAST: f64 = -3.0;
-/// Where somebody was about, others may be for this time, ns.
+/// Where a walker was confirmed, others may be for this time, ns.
 /// Half: 85.0 % / 1.34 %, twice: 85.0 % / 1.35 %.
-const COMPANY_NS: u64 = 20_000_000_000;
+const RECENT_TRACK_NS: u64 = 20_000_000_000;
 /// What stayed in a beam for longer is no passer-by, s.
 /// Half: 85.0 % / 1.30 %, twice: 85.0 % / 1.36 %.
 const MOST_DWELL_S: f64 = 3.0;
 
 /// The two sides of the likelihood ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grounds {
+pub struct LogLikelihoods {
     /// T: a walker was there.
     pub walker: f64,
     /// S: something stands there.
     pub still: f64,
 }
 
-impl Grounds {
+impl LogLikelihoods {
     /// Above 0: a walker is likelier.
     pub(crate) fn balance(self) -> f64 {
         self.walker - self.still
@@ -56,8 +56,8 @@ pub(crate) struct Weighed {
 pub(crate) struct Evidence {
     pub(crate) still: Still,
     pub(crate) runs: Runs,
-    /// Last time at which somebody was followed.
-    pub(crate) company_ns: Option<u64>,
+    /// Time of the last scan with a confirmed track that has walked.
+    pub(crate) last_confirmed_track_ns: Option<u64>,
     /// Scans that wait for their verdict, the oldest first.
     pub(crate) pending: Queue<PendingScan>,
     /// Those decided lately, the oldest first: what they say is still known reading by reading.
@@ -69,7 +69,7 @@ impl Evidence {
         Self {
             still: Still::new(Lattice::new(cell)),
             runs: Runs::default(),
-            company_ns: None,
+            last_confirmed_track_ns: None,
             pending: Queue::default(),
             recent: Queue::default(),
         }
@@ -86,7 +86,7 @@ impl Evidence {
     pub(crate) fn past(&self, beam: &Beam, cells: &[Cell]) -> f64 {
         let mut arc = Arc::new(&self.still, beam, cells);
         for scan in &self.recent {
-            scan.readings.iter().for_each(|reading| arc.hear(scan.stamp_ns, &reading.beam, reading.weight));
+            scan.readings.iter().for_each(|reading| arc.add(scan.stamp_ns, &reading.beam, reading.weight));
         }
         arc.balance().max(LEAST_PAST)
     }
@@ -100,9 +100,9 @@ impl Evidence {
         };
         let odds: Vec<Vec<f64>> = self.pending.iter().map(of_scan).collect();
         let of_scan = |(scan, odds): (&PendingScan, &Vec<f64>)| {
-            let alone = self.alone(scan);
+            let no_recent_track = self.no_recent_track(scan);
             let weight_of = |(reading, walker): (&PendingReading, &f64)| {
-                weight(walker.max(passer_by(reading, self.runs.dwell_s(reading.run), alone)), reading.past)
+                weight(walker.max(untracked_walker(reading, self.runs.dwell_s(reading.run), no_recent_track)), reading.past)
             };
             scan.readings.iter().zip(odds).map(weight_of).collect()
         };
@@ -111,27 +111,27 @@ impl Evidence {
     }
 
     /// Both sides of the ratio for each reading of a pending scan: of a walker who is followed, or of a passer-by, whichever
-    /// says more. How long an echo lasts speaks of the passer-by already, so that its own run is no evidence against him.
-    pub(crate) fn grounds(&self, weighed: &Weighed, at: usize) -> Vec<Grounds> {
+    /// says more. How long an echo lasts is evidence of the untracked walker already, so its own run is no evidence against.
+    pub(crate) fn likelihoods(&self, weighed: &Weighed, at: usize) -> Vec<LogLikelihoods> {
         let Some((scan, odds)) = self.pending.get(at).zip(weighed.odds.get(at)) else { return Vec::new() };
-        let alone = self.alone(scan);
+        let no_recent_track = self.no_recent_track(scan);
         let of_reading = |(index, (reading, walker)): (usize, (&PendingReading, &f64))| {
-            let followed = Grounds { walker: *walker, still: self.stands(&weighed.weights, at, index, None) };
+            let followed = LogLikelihoods { walker: *walker, still: self.stands(&weighed.weights, at, index, None) };
             let dwell_s = self.runs.dwell_s(reading.run);
             if dwell_s > MOST_DWELL_S {
                 return followed;
             }
             let still = self.stands(&weighed.weights, at, index, Some(reading.run));
-            let passer_by = Grounds { walker: passer_by(reading, dwell_s, alone), still };
-            if followed.balance() > passer_by.balance() { followed } else { passer_by }
+            let untracked_walker = LogLikelihoods { walker: untracked_walker(reading, dwell_s, no_recent_track), still };
+            if followed.balance() > untracked_walker.balance() { followed } else { untracked_walker }
         };
         scan.readings.iter().zip(odds).enumerate().map(of_reading).collect()
     }
 
-    /// Whether the camera was at work at a scan and nobody has been about for long, or is since.
-    fn alone(&self, scan: &PendingScan) -> bool {
+    /// Whether the camera was at work at a scan, and no track was confirmed for long before or since.
+    fn no_recent_track(&self, scan: &PendingScan) -> bool {
         scan.inputs & FilterVerdict::FROM_CAMERA != 0
-            && self.company_ns.is_none_or(|last_ns| scan.stamp_ns > last_ns.saturating_add(COMPANY_NS))
+            && self.last_confirmed_track_ns.is_none_or(|last_ns| scan.stamp_ns > last_ns.saturating_add(RECENT_TRACK_NS))
     }
 
     /// S of a reading of a pending scan: by the past and by all other readings near in time, before and after, but for the hits
@@ -139,26 +139,26 @@ impl Evidence {
     fn stands(&self, weights: &[Vec<f64>], at: usize, index: usize, without_run: Option<u64>) -> f64 {
         let Some(asked) = self.pending.get(at).and_then(|scan| scan.readings.get(index)) else { return 0.0 };
         let mut arc = Arc::new(&self.still, &asked.beam, &asked.arc);
-        let mut hear = |stamp_ns: u64, reading: &PendingReading, weight: f64| {
-            arc.hear(stamp_ns, &reading.beam, if without_run == Some(reading.run) { 0.0 } else { weight });
+        let mut add = |stamp_ns: u64, reading: &PendingReading, weight: f64| {
+            arc.add(stamp_ns, &reading.beam, if without_run == Some(reading.run) { 0.0 } else { weight });
         };
         for scan in &self.recent {
-            scan.readings.iter().for_each(|reading| hear(scan.stamp_ns, reading, reading.weight));
+            scan.readings.iter().for_each(|reading| add(scan.stamp_ns, reading, reading.weight));
         }
         for (scan_at, (scan, weights)) in self.pending.iter().zip(weights).enumerate() {
             let readings = scan.readings.iter().zip(weights).enumerate();
             for (_, (reading, weight)) in readings.filter(|(other, _)| (scan_at, *other) != (at, index)) {
-                hear(scan.stamp_ns, reading, *weight);
+                add(scan.stamp_ns, reading, *weight);
             }
         }
         arc.balance()
     }
 
     /// The oldest pending scan gets its verdict on these grounds, which say how far its readings count as hits.
-    pub(crate) fn decide(&mut self, grounds: &[Grounds]) -> Option<&PendingScan> {
+    pub(crate) fn decide(&mut self, likelihoods: &[LogLikelihoods]) -> Option<&PendingScan> {
         let mut scan = self.pending.pop_front()?;
-        for (reading, grounds) in scan.readings.iter_mut().zip(grounds) {
-            reading.weight = weight(grounds.walker, reading.past);
+        for (reading, likelihoods) in scan.readings.iter_mut().zip(likelihoods) {
+            reading.weight = weight(likelihoods.walker, reading.past);
         }
         self.learn(scan);
         self.recent.back()

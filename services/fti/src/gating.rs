@@ -16,7 +16,7 @@ const AT_WORK_NS: u64 = 500_000_000;
 /// Blobs this far from a scan are of its time, ns.
 /// Two frames at 15 Hz. It concerns the method of the paper only. Half or twice of it gives the same verdicts.
 const PAIRING_NS: u64 = 150_000_000;
-/// The camera sees nobody beyond this, m.
+/// The camera sees no walker beyond this, m.
 /// Half: 84.9 % / 1.66 %, twice: 85.0 % / 1.35 %.
 const SIGHT_M: f64 = 6.0;
 /// A track this close to the side of the picture may be out of it, rad.

@@ -43,7 +43,7 @@ mod variables;
 mod verdict;
 
 pub use answer::Verdict;
-pub use evidence::Grounds;
+pub use evidence::LogLikelihoods;
 pub use parameters::{Action, Camera, Cue, Parameters, ParametersError, Patience, Rule};
 pub use pipeline::Fti;
 pub use state::StateError;

@@ -18,7 +18,7 @@ const ECHO_SD_M: f64 = 0.2;
 
 /// An echo of a scan, as tracks need it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Heard<'a> {
+pub(crate) struct SonarEcho<'a> {
     pub(crate) beam: &'a Beam,
     /// S from the past alone.
     pub(crate) past: f64,

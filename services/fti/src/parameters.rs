@@ -82,7 +82,7 @@ pub struct Parameters {
     /// Farthest distance of a blob and a moving class that are one object (σ_correspond), m.
     pub correspond_m: f64,
     /// How ready the verdict is to withhold (w_0): 0 is careful.
-    pub readiness: f64,
+    pub prior_log_odds: f64,
     /// The camera; `None`: sonar alone.
     pub camera: Option<Camera>,
     /// How long the streams wait for each other.
@@ -108,7 +108,7 @@ impl Default for Parameters {
             cue: Cue::Ground,
             action: Action::Withhold,
             correspond_m: 0.5,
-            readiness: 0.5,
+            prior_log_odds: 0.5,
             camera: Some(Camera::default()),
             patience: Patience::Endless,
             tables: Tables::default(),
@@ -116,7 +116,7 @@ impl Default for Parameters {
     }
 }
 
-/// Parameters that cannot be meant.
+/// Parameters out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ParametersError {
     /// The edge of a cell.
@@ -142,7 +142,7 @@ impl Parameters {
         within("range_limit_m", self.range_limit_m, 0.2, 10.0, "0.2 to 10 m")?;
         within("horizon_s", self.horizon_s, 0.0, 10.0, "0 to 10 s")?;
         within("correspond_m", self.correspond_m, 0.0, 10.0, "0 to 10 m")?;
-        within("readiness", self.readiness, -20.0, 20.0, "-20 to 20")?;
+        within("prior_log_odds", self.prior_log_odds, -20.0, 20.0, "-20 to 20")?;
         if let Some(camera) = &self.camera {
             within("camera.height_m", camera.height_m, 0.05, 3.0, "0.05 to 3 m")?;
             within("camera.field_of_view_rad", camera.field_of_view_rad, 0.2, 2.8, "0.2 to 2.8 rad")?;

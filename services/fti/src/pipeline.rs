@@ -6,7 +6,7 @@ use messages::{FilterVerdict, MAX_OUTLOOK_SCANS, OutlookScan, Payload, Pose, Son
 use crate::answer::{self, Verdict};
 use crate::evidence::Evidence;
 use crate::gating::{blobs, is_at_work, looks_at, robot_at};
-use crate::observe::Heard;
+use crate::observe::SonarEcho;
 use crate::parameters::{Parameters, ParametersError};
 use crate::pending::{PendingReading, PendingScan};
 use crate::region::update_regions;
@@ -35,7 +35,7 @@ impl Fti {
     /// Before the first input.
     ///
     /// # Errors
-    /// Parameters that cannot be meant.
+    /// Parameters out of range.
     pub fn new(parameters: Parameters) -> Result<Self, ParametersError> {
         let cell = parameters.check()?;
         let ranges = parameters.ranges();
@@ -86,7 +86,7 @@ impl Fti {
         let readings = self.readings(&scan.scan, stamp_ns);
         self.follow_by_sonar(scan, &readings);
         if self.tracks.alive().any(|track| track.confirmed() && track.walked) {
-            self.evidence.company_ns = Some(stamp_ns);
+            self.evidence.last_confirmed_track_ns = Some(stamp_ns);
         }
         let blobs = blobs(&self.parameters, frames, stamp_ns);
         let regions = update_regions(&self.integration, &pose, scan.motion.movers(), &blobs, self.parameters.correspond_m);
@@ -109,7 +109,7 @@ impl Fti {
         }
     }
 
-    /// The readings of a scan; none where its numbers cannot be meant.
+    /// The readings of a scan; none where its numbers are not valid.
     fn readings(&mut self, scan: &SonarScan, stamp_ns: u64) -> Vec<PendingReading> {
         if scan.validate().is_err() {
             return Vec::new();
@@ -119,7 +119,7 @@ impl Fti {
             let beam = Beam::new(&scan.pose, reading, self.parameters.half_beam_rad);
             let arc = beam.arc(self.cell, ARC_CELLS * self.cell.metres());
             let watched = camera.is_some_and(|camera| looks_at(&camera, &scan.pose, &beam));
-            let run = self.evidence.runs.hear(reading.sonar, stamp_ns, &beam);
+            let run = self.evidence.runs.add(reading.sonar, stamp_ns, &beam);
             PendingReading { past: self.evidence.past(&beam, &arc), watched, weight: 0.0, beam, run, arc }
         });
         readings.collect()
@@ -127,15 +127,15 @@ impl Fti {
 
     fn follow_by_sonar(&mut self, scan: &Waiting, readings: &[PendingReading]) {
         let runs = &self.evidence.runs;
-        let heard = readings.iter().map(|PendingReading { beam, past, run, .. }| Heard {
+        let of_readings = readings.iter().map(|PendingReading { beam, past, run, .. }| SonarEcho {
             beam,
             past: *past,
             run: *run,
             first: runs.is_first(*run, scan.stamp_ns),
         });
-        let echoes: Vec<Heard<'_>> = heard.collect();
+        let echoes: Vec<SonarEcho<'_>> = of_readings.collect();
         let motion = if scan.motion.validate().is_ok() { scan.motion.movers() } else { &[] };
-        self.tracks.hear(&self.parameters, &scan.scan.pose, scan.stamp_ns, &echoes, motion);
+        self.tracks.update_by_sonar(&self.parameters, &scan.scan.pose, scan.stamp_ns, &echoes, motion);
     }
 
     /// The inputs that came for a scan, as in `FilterVerdict`.
@@ -148,13 +148,13 @@ impl Fti {
     fn decide_until(&mut self, until_ns: u64, verdicts: &mut Vec<Verdict>) {
         while self.evidence.pending.front().is_some_and(|scan| scan.stamp_ns <= until_ns) {
             let weighed = self.evidence.weigh(&self.tracks, self.parameters.range_limit_m);
-            let grounds = self.evidence.grounds(&weighed, 0);
-            let Some(scan) = self.evidence.decide(&grounds) else { return };
-            verdicts.push(Verdict::new(&self.parameters, self.cell, scan, grounds));
+            let likelihoods = self.evidence.likelihoods(&weighed, 0);
+            let Some(scan) = self.evidence.decide(&likelihoods) else { return };
+            verdicts.push(Verdict::new(&self.parameters, self.cell, scan, likelihoods));
         }
     }
 
-    /// Takes streams that had ended to go on: the deployment was stopped and started again.
+    /// Takes streams that had ended to continue: the deployment was stopped and started again.
     pub fn reopen(&mut self) {
         self.streams.reopen();
     }
@@ -185,7 +185,7 @@ impl Fti {
         let (pending, weighed) = (&self.evidence.pending, self.evidence.weigh(&self.tracks, self.parameters.range_limit_m));
         let first = pending.len().saturating_sub(MAX_OUTLOOK_SCANS);
         for (slot, (at, scan)) in outlook.scans.iter_mut().zip(pending.iter().enumerate().skip(first)) {
-            let withheld = answer::withheld(&self.parameters, self.cell, scan, &self.evidence.grounds(&weighed, at));
+            let withheld = answer::withheld(&self.parameters, self.cell, scan, &self.evidence.likelihoods(&weighed, at));
             *slot = OutlookScan { seq: scan.seq, withheld, reserved: 0 };
             outlook.count += 1;
         }

@@ -14,7 +14,7 @@ const WIDTH_PX: f64 = 160.0;
 /// Feet this close to the horizon tell no distance, px.
 /// Half: 85.0 % / 1.32 %, twice: 81.5 % / 1.34 %.
 const NEAR_HORIZON_PX: f64 = 4.5;
-/// Width of somebody alone or beside another, m.
+/// Width of one walker or of two beside each other, m.
 const BODY_M: std::ops::RangeInclusive<f64> = 0.2..=1.2;
 /// Depth of a body whose feet are below the picture, and its spread, as shares of the depth at which feet leave it.
 const BELOW_SHARE: [f64; 2] = [0.75, 0.28];
@@ -39,7 +39,7 @@ pub(crate) struct Sight {
     pub(crate) depth: Option<Estimate>,
     /// The feet are below the picture.
     pub(crate) feet_below: bool,
-    /// It stands on the floor, reaches above the horizon and is as wide as a body: somebody upright, not a reflection on the
+    /// It stands on the floor, reaches above the horizon and is as wide as a body: a walker, not a reflection on the
     /// floor or a flicker on a wall.
     pub(crate) upright: bool,
 }
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_at_the_horizon_tell_none_and_feet_below_the_picture_a_short_one() {
+    fn feet_at_the_horizon_give_no_distance() {
         assert_eq!(view().sight(&blob(80.0, 64)).depth, None);
         let below = view().sight(&blob(80.0, 120));
         assert!(below.feet_below && (0.3..0.55).contains(&below.depth.unwrap().value));

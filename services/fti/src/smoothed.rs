@@ -11,18 +11,18 @@ const FRESH_S: f64 = 0.3;
 /// Time in which it fades by a factor e, s.
 /// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.36 %.
 const FADE_S: f64 = 1.5;
-/// Who stands on without being seen.
+/// Existence probability of a stationary walker that no sensor sees any more.
 /// Half: 85.0 % / 1.25 %, twice: 85.1 % / 1.48 %.
 const HELD: f64 = 0.5;
-/// Before the first sight.
+/// The same before the first sight.
 /// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.37 %.
 const BACK_DATED: f64 = 0.6;
 /// First speed under which a walker is taken to have stood before, m/s.
 /// Half: 84.9 % / 1.35 %, twice: 85.0 % / 1.35 %.
 const STOOD_M_S: f64 = 0.6;
-/// For how long he is taken to have stood, s.
+/// For how long the walker is taken to have stood, s.
 const STOOD_S: f64 = 2.5;
-/// For how long one who walks is taken to have come the way he goes, s.
+/// For how long a walker is taken to have come in the direction of the first sight, s.
 const CAME_S: f64 = 0.6;
 
 /// A walker over the horizon.
@@ -31,10 +31,10 @@ pub(crate) struct Smoothed {
     /// At each support, the oldest first; the acceleration until the next.
     moments: Vec<(u64, Motion, f64)>,
     /// Part of its trust that does not change.
-    trust: f64,
-    held: bool,
+    existence: f64,
+    stationary: bool,
     /// Its first moment is its first support.
-    whole: bool,
+    has_first_support: bool,
     ended_ns: Option<u64>,
 }
 
@@ -42,13 +42,13 @@ pub(crate) struct Smoothed {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Presence {
     pub(crate) motion: Motion,
-    pub(crate) trust: f64,
+    pub(crate) existence: f64,
 }
 
 impl Smoothed {
     /// Rauch, Tung and Striebel over what the track believed.
     pub(crate) fn of(track: &Track) -> Option<Self> {
-        let trust = match (track.origin, track.confirmed()) {
+        let existence = match (track.origin, track.confirmed()) {
             (_, true) => 1.0,
             (Origin::Sonar, false) => 0.3 + 0.1 * f64::from(track.hits),
             (Origin::Camera, false) => return None,
@@ -59,7 +59,7 @@ impl Smoothed {
             let (stamp_ns, motion, acceleration) = moments[index];
             moments[index].1 = motion.smoothed(&later, seconds(later_ns.saturating_sub(stamp_ns)), acceleration);
         }
-        Some(Self { moments, trust, held: track.held, whole: !track.older, ended_ns: track.ended_ns })
+        Some(Self { moments, existence, stationary: track.stationary, has_first_support: !track.older, ended_ns: track.ended_ns })
     }
 
     /// The walker at a time; `None` when there is nothing to say about it.
@@ -78,29 +78,29 @@ impl Smoothed {
                 let covariance = motion.covariance * (1.0 - share) + later.covariance * share;
                 let bridge = Motion { mean, covariance };
                 let gap_s = since_s.min(until_s);
-                let trust = if self.held { 1.0 } else { faded(gap_s) };
-                Some(Presence { motion: widened(&bridge, gap_s, *acceleration), trust: self.trust * trust })
+                let existence = if self.stationary { 1.0 } else { faded(gap_s) };
+                Some(Presence { motion: widened(&bridge, gap_s, *acceleration), existence: self.existence * existence })
             }
             None => {
                 if self.ended_ns.is_some_and(|ended_ns| stamp_ns > ended_ns) {
                     return None;
                 }
-                let trust = self.trust * if self.held { HELD } else { faded(since_s) };
-                Some(Presence { motion: motion.predict(since_s, *acceleration), trust })
+                let existence = self.existence * if self.stationary { HELD } else { faded(since_s) };
+                Some(Presence { motion: motion.predict(since_s, *acceleration), existence })
             }
         }
     }
 
-    /// Back-dated: a walker was somewhere before he was first seen.
+    /// Back-dated: a walker was somewhere before the first sight.
     fn before_first(&self, stamp_ns: u64) -> Option<Presence> {
-        let (first_ns, first, _) = self.moments.first().filter(|_| self.whole)?;
+        let (first_ns, first, _) = self.moments.first().filter(|_| self.has_first_support)?;
         let until_s = seconds(first_ns.saturating_sub(stamp_ns));
         let stood = first.velocity_m_s().norm() < STOOD_M_S;
         if until_s > if stood { STOOD_S } else { CAME_S } {
             return None;
         }
         let motion = if stood { *first } else { first.predict(-until_s, ACCELERATION) };
-        Some(Presence { motion, trust: self.trust * BACK_DATED * faded(until_s) })
+        Some(Presence { motion, existence: self.existence * BACK_DATED * faded(until_s) })
     }
 }
 

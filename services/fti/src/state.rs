@@ -38,7 +38,7 @@ pub enum StateError {
         /// Its number.
         seq: u64,
     },
-    /// The parameters it is to go on with.
+    /// The parameters it is restored with.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
 }
@@ -51,7 +51,7 @@ struct Head<'a> {
     streams: Cow<'a, Streams>,
     tracks: Cow<'a, Tracks>,
     runs: Cow<'a, Runs>,
-    company_ns: Option<u64>,
+    last_confirmed_track_ns: Option<u64>,
     pending: Cow<'a, Queue<PendingScan>>,
     recent: Cow<'a, Queue<PendingScan>>,
     /// Time, x, y and yaw.
@@ -73,12 +73,12 @@ impl Fti {
     #[must_use]
     pub fn save_head(&self, bytes: Vec<u8>) -> Vec<u8> {
         let last = self.last.map(|(stamp_ns, pose)| (stamp_ns, pose.x_m, pose.y_m, pose.yaw_rad));
-        let Evidence { runs, company_ns, pending, recent, .. } = &self.evidence;
+        let Evidence { runs, last_confirmed_track_ns, pending, recent, .. } = &self.evidence;
         let head = Head {
             streams: Cow::Borrowed(&self.streams),
             tracks: Cow::Borrowed(&self.tracks),
             runs: Cow::Borrowed(runs),
-            company_ns: *company_ns,
+            last_confirmed_track_ns: *last_confirmed_track_ns,
             pending: Cow::Borrowed(pending),
             recent: Cow::Borrowed(recent),
             last,
@@ -135,7 +135,7 @@ impl Fti {
         fti.evidence = Evidence {
             still: Still::new(cells),
             runs: head.runs.into_owned(),
-            company_ns: head.company_ns,
+            last_confirmed_track_ns: head.last_confirmed_track_ns,
             pending: head.pending.into_owned(),
             recent: head.recent.into_owned(),
         };

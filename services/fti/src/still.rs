@@ -13,8 +13,8 @@ const MOST_HITS: f64 = 4.5;
 /// Half: 84.6 % / 1.24 %, twice: 85.0 % / 1.36 %.
 const MOST_FREE: f64 = 6.0;
 /// Most slots of each kind that the past keeps.
-const KEPT: [u8; 2] = [3, 6];
-/// A beam shows cells free this close to its axis only, rad: later nobody knows from where it looked.
+const MOST_COUNTS: [u8; 2] = [3, 6];
+/// A beam shows cells free this close to its axis only, rad: later it is not known from where it looked.
 /// Half: 84.1 % / 1.24 %, twice: 85.0 % / 1.46 %.
 const FREE_HALF_RAD: f64 = 0.105;
 /// What lies this close before an echo may belong to it, m.
@@ -77,7 +77,7 @@ impl Still {
         for cell in cells {
             let mut evidence = self.cells.get(*cell);
             if evidence.hit_slot != slot {
-                evidence.hits = evidence.hits.saturating_add(1).min(KEPT[0]);
+                evidence.hits = evidence.hits.saturating_add(1).min(MOST_COUNTS[0]);
                 evidence.hit_slot = slot;
                 self.cells.set(*cell, evidence);
             }
@@ -114,7 +114,7 @@ pub(crate) fn free_reach_m(beam: &Beam) -> Option<f64> {
 fn add_free(cells: &mut Lattice<CellEvidence>, cell: Cell, slot: u16, sights: u8) {
     let mut evidence = cells.get(cell);
     if evidence.free_slot != slot {
-        evidence.free = evidence.free.saturating_add(sights).min(KEPT[1]);
+        evidence.free = evidence.free.saturating_add(sights).min(MOST_COUNTS[1]);
         evidence.free_slot = slot;
         cells.set(cell, evidence);
     }
@@ -174,7 +174,7 @@ mod tests {
         still.hit(&[cell], 0);
         still.stand(0.0, 0.0, 0.2, 0);
         let CellEvidence { hits, free, .. } = still.get(cell);
-        assert_eq!([hits, free], KEPT);
+        assert_eq!([hits, free], MOST_COUNTS);
     }
 
     #[test]

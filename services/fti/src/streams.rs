@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scan_comes_when_the_others_have_reached_it_whatever_came_first() {
+    fn a_scan_comes_when_the_others_have_reached_it() {
         let mut streams = Streams::default();
         sonar(&mut streams, 1);
         scan(&mut streams, 1);
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_that_was_lost_is_not_waited_for_once_a_later_one_is_there() {
+    fn a_lost_answer_is_not_waited_for_after_a_later_one() {
         let mut streams = Streams::default();
         (1..=3).for_each(|seq| scan(&mut streams, seq));
         camera(&mut streams, 400_000_000);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn live_goes_on_without_what_is_late_and_lockstep_until_a_stream_ends() {
+    fn live_continues_without_late_streams_and_lockstep_waits() {
         let mut streams = Streams::default();
         (1..=7).for_each(|seq| scan(&mut streams, seq));
         assert_eq!(next(&mut streams, Patience::Seconds(0.5)), Some((1, 0)));
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn streams_that_had_ended_go_on_after_a_stop() {
+    fn ended_streams_continue_after_a_stop() {
         let mut streams = Streams::default();
         [Input::SonarEnded, Input::CameraEnded, Input::ScansEnded].into_iter().for_each(|end| streams.take_in(end));
         assert!(streams.ended());

@@ -8,49 +8,49 @@ use serde::{Deserialize, Serialize};
 use state::Queue;
 use tracking::{Measured, Motion};
 
-use crate::observe::{Heard, ranged, sighted};
+use crate::observe::{SonarEcho, ranged, sighted};
 use crate::sight::Sight;
 
 /// White acceleration of a walker, m²/s³.
 /// Half: 86.9 % / 1.46 %, twice: 85.4 % / 1.58 %.
 pub(crate) const ACCELERATION: f64 = 1.2;
-/// Of one who stands: he shifts his weight, m²/s³.
+/// Of a stationary walker, who shifts the weight from foot to foot, m²/s³.
 /// Half: 85.1 % / 1.32 %, twice: 84.8 % / 1.35 %.
 const STANDING: f64 = 0.02;
-/// By how much the place of one who stands grows uncertain, m²/s.
+/// By how much the place of a stationary walker grows uncertain, m²/s.
 /// Half: 84.8 % / 1.35 %, twice: 84.7 % / 1.39 %.
 const SWAY_M2_S: f64 = 0.008;
-/// Nobody walks faster indoors, m/s.
+/// Walkers are not faster indoors, m/s.
 /// Half: 85.1 % / 1.26 %, twice: 85.2 % / 1.24 %.
 const MOST_SPEED_M_S: f64 = 1.7;
-/// Hits that make a track certain.
+/// Hits that confirm a track.
 /// Half: 86.8 % / 1.73 %, twice: 83.6 % / 1.22 %.
 const CONFIRMING_HITS: u32 = 8;
-/// Rest is judged by the way made in this time, ns.
+/// Rest is judged by the distance moved in this time, ns.
 /// Half: 86.3 % / 1.51 %, twice: 83.6 % / 1.20 %.
 const REST_NS: u64 = 600_000_000;
-/// Who made less way than this in that time rests, m.
+/// A walker that moved less than this in that time rests, m.
 /// Half: 83.9 % / 1.18 %, twice: 86.3 % / 1.46 %.
 const REST_M: f64 = 0.15;
-/// Who stands is where he was, give or take a step: an echo farther off is another's, or the wall's, m.
+/// A stationary walker stays within a step: an echo farther off is of another walker or of the wall, m.
 /// Half: 84.5 % / 1.31 %, twice: 84.5 % / 1.57 %.
 const STANDS_M: f64 = 0.2;
 /// Half of a body's width, m.
 /// Half: 81.5 % / 1.23 %, twice: 87.2 % / 1.49 %.
 const BODY_HALF_M: f64 = 0.2;
-/// What lies farther before him than this hides him, m.
+/// What lies farther before a walker than this hides the walker, m.
 /// Half: 85.0 % / 1.35 %, twice: 85.0 % / 1.34 %.
 const BEFORE_M: f64 = 0.3;
-/// A reading that goes so far beyond him shows that he is gone, m.
+/// A reading that goes so far beyond a walker shows that the walker is gone, m.
 /// Half: 85.0 % / 1.34 %, twice: 84.9 % / 1.36 %.
 const PASS_M: f64 = 0.45;
-/// Echoes that began with a walker are his from so many on: more than a second of them.
+/// Echoes that began with a walker are of that walker from so many on: more than a second of them.
 /// Half: 86.1 % / 1.47 %, twice: 83.8 % / 1.32 %.
 const LEFT_ECHOES: u32 = 4;
-/// Who was faster than this at the last of them walks on, and does not stand, m/s.
+/// A walker faster than this at the last of them walks on, and does not stand, m/s.
 /// Half: 81.5 % / 1.31 %, twice: 86.1 % / 1.33 %.
 const LEFT_SPEED_M_S: f64 = 0.6;
-/// Two who stand closer than this are one, m.
+/// Two stationary walkers closer than this are one, m.
 /// Half: 84.7 % / 1.43 %, twice: 83.2 % / 1.29 %.
 const SAME_M: f64 = 0.4;
 
@@ -67,7 +67,7 @@ pub(crate) enum Origin {
 pub(crate) struct Anchor {
     /// Their run.
     pub(crate) run: u64,
-    /// How many he explained.
+    /// How many the walker explained.
     pub(crate) echoes: u32,
     /// The walker at the last of them.
     pub(crate) motion: Motion,
@@ -76,14 +76,14 @@ pub(crate) struct Anchor {
 
 /// What was believed after a support.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
-pub(crate) struct Believed {
+pub(crate) struct Posterior {
     pub(crate) stamp_ns: u64,
     pub(crate) motion: Motion,
     /// White acceleration until the next one.
     pub(crate) acceleration: f64,
 }
 
-/// Who came this far from where he was first seen has walked, m.
+/// A track this far from its first sight has walked, m.
 /// Half: 85.0 % / 1.36 %, twice: 83.9 % / 1.35 %.
 const WALKED_M: f64 = 0.6;
 
@@ -99,7 +99,7 @@ pub(crate) struct Track {
     /// Last support by a blob.
     pub(crate) seen_ns: u64,
     /// Last support by an echo; 0: none.
-    pub(crate) heard_ns: u64,
+    pub(crate) echo_ns: u64,
     /// For how long it should have been visible and was not, ns.
     pub(crate) unseen_ns: u64,
     /// Readings that passed beyond it since the last echo.
@@ -107,15 +107,15 @@ pub(crate) struct Track {
     /// Readings towards it since the last echo that were none of it.
     pub(crate) missed: u32,
     /// Its blob faded while it rested: echoes alone support it.
-    pub(crate) held: bool,
+    pub(crate) stationary: bool,
     /// When it ended.
     pub(crate) ended_ns: Option<u64>,
     /// What was believed at each support within the horizon, the oldest first.
-    pub(crate) history: Queue<Believed>,
+    pub(crate) history: Queue<Posterior>,
     /// Frames that could have shown it before it was certain.
-    pub(crate) chances: u32,
+    pub(crate) opportunities: u32,
     /// It was hit often enough, and in most frames.
-    pub(crate) certain: bool,
+    pub(crate) is_confirmed: bool,
     /// Where it was first seen, map frame, m.
     pub(crate) first_m: [f64; 2],
     /// It has been seen to walk: what never did is no walker who stopped.
@@ -135,15 +135,15 @@ impl Track {
             motion,
             stamp_ns,
             seen_ns: stamp_ns,
-            heard_ns: 0,
+            echo_ns: 0,
             unseen_ns: 0,
             passed: 0,
             missed: 0,
-            held: false,
+            stationary: false,
             ended_ns: None,
             history: Queue::default(),
-            chances: 1,
-            certain: false,
+            opportunities: 1,
+            is_confirmed: false,
             first_m: motion.place_m().into(),
             walked: false,
             older: false,
@@ -155,23 +155,23 @@ impl Track {
 
     /// Whether it is a walker for certain.
     pub(crate) fn confirmed(&self) -> bool {
-        self.certain
+        self.is_confirmed
     }
 
     /// Last support of any kind, ns.
     pub(crate) fn supported_ns(&self) -> u64 {
-        self.seen_ns.max(self.heard_ns)
+        self.seen_ns.max(self.echo_ns)
     }
 
     fn acceleration(&self) -> f64 {
-        if self.held { STANDING } else { ACCELERATION }
+        if self.stationary { STANDING } else { ACCELERATION }
     }
 
     /// Goes on to a later time.
     pub(crate) fn predict(&mut self, stamp_ns: u64) {
         let dt_s = seconds(stamp_ns.saturating_sub(self.stamp_ns));
-        if self.held {
-            // He does not walk; where he was is known less and less.
+        if self.stationary {
+            // A walker that rests does not walk; its place is known less and less.
             for axis in 0..2 {
                 self.motion.covariance[(axis, axis)] += SWAY_M2_S * dt_s;
             }
@@ -194,13 +194,13 @@ impl Track {
 
     /// Keeps what is believed now, after a support.
     fn remember(&mut self) {
-        let believed = Believed { stamp_ns: self.stamp_ns, motion: self.motion, acceleration: self.acceleration() };
-        let most = f64::from(self.hits) >= 0.6 * f64::from(self.chances) || self.origin == Origin::Sonar;
-        self.certain |= f64::from(self.hits) >= f64::from(CONFIRMING_HITS) && most;
+        let posterior = Posterior { stamp_ns: self.stamp_ns, motion: self.motion, acceleration: self.acceleration() };
+        let most = f64::from(self.hits) >= 0.6 * f64::from(self.opportunities) || self.origin == Origin::Sonar;
+        self.is_confirmed |= f64::from(self.hits) >= f64::from(CONFIRMING_HITS) && most;
         self.walked |= (self.motion.place_m() - Vector2::from(self.first_m)).norm() > WALKED_M;
         match self.history.back_mut() {
-            Some(last) if last.stamp_ns == self.stamp_ns => *last = believed,
-            _ => self.history.push_back(believed),
+            Some(last) if last.stamp_ns == self.stamp_ns => *last = posterior,
+            _ => self.history.push_back(posterior),
         }
     }
 
@@ -215,24 +215,24 @@ impl Track {
     /// Whether it made no way lately. The velocity is noise once the blob is gone.
     pub(crate) fn rests(&self) -> bool {
         let since_ns = self.stamp_ns.saturating_sub(REST_NS);
-        let Some(then) = self.history.iter().rev().find(|believed| believed.stamp_ns <= since_ns) else { return false };
+        let Some(then) = self.history.iter().rev().find(|posterior| posterior.stamp_ns <= since_ns) else { return false };
         let Some(last) = self.history.back() else { return false };
         (last.motion.place_m() - then.motion.place_m()).norm() < REST_M
     }
 
-    /// Somebody who stands where this one was, known by echoes alone from now on.
-    pub(crate) fn stander_at(&self, id: u64, motion: Motion) -> Self {
-        let mut stander = self.clone();
-        stander.motion = motion;
-        stander.anchors.clear();
-        stander.id = id;
-        stander.stand_still();
-        stander.remember();
-        stander
+    /// A stationary walker where this one was, supported by echoes alone from now on.
+    pub(crate) fn stationary_at(&self, id: u64, motion: Motion) -> Self {
+        let mut stationary_track = self.clone();
+        stationary_track.motion = motion;
+        stationary_track.anchors.clear();
+        stationary_track.id = id;
+        stationary_track.stand_still();
+        stationary_track.remember();
+        stationary_track
     }
 
     fn stand_still(&mut self) {
-        self.held = true;
+        self.stationary = true;
         (self.passed, self.missed) = (0, 0);
         self.motion.mean = Vector4::new(self.motion.mean.x, self.motion.mean.y, 0.0, 0.0);
         for axis in 2..4 {
@@ -281,7 +281,7 @@ impl Track {
         if self.origin == Origin::Sonar {
             self.hits = self.hits.saturating_add(1);
         }
-        self.heard_ns = stamp_ns;
+        self.echo_ns = stamp_ns;
         (self.passed, self.missed) = (0, 0);
         self.remember();
     }
@@ -289,14 +289,14 @@ impl Track {
     pub(crate) fn note_passing(&mut self, beam: &Beam, stamp_ns: u64) {
         let place = self.motion.place_m();
         let seen = beam.see(place.x, place.y);
-        if beam.covers(seen) && self.heard_ns != stamp_ns {
+        if beam.covers(seen) && self.echo_ns != stamp_ns {
             self.passed = self.passed.saturating_add(u32::from(beam.range_m() > seen.z_m() + PASS_M));
             self.missed = self.missed.saturating_add(u32::from(beam.range_m() > seen.z_m() - BEFORE_M));
         }
     }
 
     /// Notes an echo that supported it, if it belongs to a run that began with it.
-    pub(crate) fn anchor(&mut self, echo: &Heard<'_>, stamp_ns: u64) {
+    pub(crate) fn anchor(&mut self, echo: &SonarEcho<'_>, stamp_ns: u64) {
         let (motion, run) = (self.motion, echo.run);
         match self.anchors.iter_mut().find(|anchor| anchor.run == run) {
             Some(anchor) => *anchor = Anchor { run, echoes: anchor.echoes.saturating_add(1), motion, stamp_ns },
@@ -305,20 +305,20 @@ impl Track {
         }
     }
 
-    /// Somebody who stands where an echo came from that began with this track and supports it no longer.
-    pub(crate) fn left_behind(&self, echo: &Heard<'_>, stamp_ns: u64) -> Option<Self> {
+    /// A stationary walker where an echo came from that began with this track and supports it no longer.
+    pub(crate) fn left_behind(&self, echo: &SonarEcho<'_>, stamp_ns: u64) -> Option<Self> {
         let anchor = self.anchors.iter().find(|anchor| anchor.run == echo.run && anchor.stamp_ns < stamp_ns)?;
         if anchor.echoes < LEFT_ECHOES || anchor.motion.velocity_m_s().norm() > LEFT_SPEED_M_S {
             return None;
         }
-        let mut stander = self.stander_at(0, anchor.motion);
-        (stander.stamp_ns, stander.heard_ns, stander.ended_ns) = (stamp_ns, stamp_ns, None);
-        stander.remember();
-        stander.stands_at(echo.beam).then_some(stander)
+        let mut stationary_track = self.stationary_at(0, anchor.motion);
+        (stationary_track.stamp_ns, stationary_track.echo_ns, stationary_track.ended_ns) = (stamp_ns, stamp_ns, None);
+        stationary_track.remember();
+        stationary_track.stands_at(echo.beam).then_some(stationary_track)
     }
 
-    /// Whether this is somebody who stands where another does.
+    /// Whether this is a stationary walker where another stands.
     pub(crate) fn stands_near(&self, other: &Self) -> bool {
-        self.held && self.ended_ns.is_none() && (self.motion.place_m() - other.motion.place_m()).norm() < SAME_M
+        self.stationary && self.ended_ns.is_none() && (self.motion.place_m() - other.motion.place_m()).norm() < SAME_M
     }
 }

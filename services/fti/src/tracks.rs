@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use tracking::Motion;
 
 use crate::gating::{in_view, is_fresh};
-use crate::observe::Heard;
+use crate::observe::SonarEcho;
 use crate::parameters::{Camera, Parameters};
 use crate::sight::{Estimate, Sight, View};
 use crate::track::{Origin, Track};
@@ -42,19 +42,19 @@ const KNOWN_WALL: f64 = 1.5;
 /// A slower walker may stand before a wall, m/s.
 /// Half: 84.8 % / 1.35 %, twice: 85.1 % / 1.35 %.
 const SLOW_M_S: f64 = 0.35;
-/// Who stands ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass him.
+/// A stationary track ends this long after the last echo, ns: so long a robot may look elsewhere and come to pass.
 /// Half: 85.0 % / 1.31 %, twice: 85.0 % / 1.41 %.
 const HELD_NS: u64 = 10_000_000_000;
-/// Or when this many readings pass beyond him.
+/// Or when this many readings pass beyond it.
 /// Half: 84.5 % / 1.31 %, twice: 84.8 % / 1.39 %.
 const PASSES: u32 = 2;
-/// Or this many that look at him and hear something else.
+/// Or this many that look at it and are of something else.
 /// Half: 84.8 % / 1.33 %, twice: 85.0 % / 1.36 %.
 const MISSES: u32 = 5;
-/// Who came to rest was seen to: his blob fades a moment later, ns.
+/// A walker was seen to come to rest: the blob fades a moment later, ns.
 /// Half: 84.9 % / 1.17 %, twice: 85.0 % / 1.51 %.
 const SEEN_NS: u64 = 1_000_000_000;
-/// Echoes of a walker's are asked for him again within this time, ns.
+/// Echoes of a walker are compared with the walker again within this time, ns.
 /// It bounds the memory of a track. Half or twice of it gives the same verdicts.
 const ANCHOR_NS: u64 = 1_000_000_000;
 
@@ -73,7 +73,7 @@ impl Tracks {
         self.tracks.iter_mut().filter(|track| track.ended_ns.is_none())
     }
 
-    /// Leads everybody on to this time. Whoever was followed before a long pause may be anywhere: he is followed no longer.
+    /// Predicts every track to this time. After a long pause a walker may be anywhere: the track ends.
     pub(crate) fn lead(&mut self, stamp_ns: u64) {
         for track in self.alive() {
             if stamp_ns.saturating_sub(track.stamp_ns) > COAST_NS {
@@ -95,7 +95,7 @@ impl Tracks {
         let owners = self.associate(&map_from_camera, &sights);
         let in_view = |motion: &Motion| in_view(camera, &map_from_camera, motion);
         for (index, track) in self.tracks.iter_mut().enumerate().filter(|(_, track)| track.ended_ns.is_none()) {
-            track.chances = track.chances.saturating_add(1);
+            track.opportunities = track.opportunities.saturating_add(1);
             if let Some(blob) = owners.iter().position(|owners| owners.contains(&index)) {
                 let merged = owners.get(blob).is_some_and(|owners| owners.len() > 1);
                 if let Some(sight) = sights.get(blob) {
@@ -112,7 +112,7 @@ impl Tracks {
     /// For each blob the tracks that lie in it.
     fn associate(&self, map_from_camera: &Pose, sights: &[Sight]) -> Vec<Vec<usize>> {
         let origin = Vector2::new(map_from_camera.x_m, map_from_camera.y_m);
-        let alive = || self.tracks.iter().enumerate().filter(|(_, track)| track.ended_ns.is_none() && !track.held);
+        let alive = || self.tracks.iter().enumerate().filter(|(_, track)| track.ended_ns.is_none() && !track.stationary);
         let mut pairs = Vec::new();
         for (index, track) in alive() {
             for (blob, sight) in sights.iter().enumerate() {
@@ -148,7 +148,7 @@ impl Tracks {
         owners
     }
 
-    /// New tracks from blobs that are nobody's and no fragments.
+    /// New tracks from blobs that belong to no track and are no fragments.
     fn start_from(&mut self, map_from_camera: &Pose, sights: &[Sight], owners: &[Vec<usize>], stamp_ns: u64) {
         let overlaps = |a: &Sight, b: &Sight| a.extent_rad[1] < b.extent_rad[0] && b.extent_rad[1] < a.extent_rad[0];
         let mut used: Vec<&Sight> = sights.iter().zip(owners).filter(|(_, owners)| !owners.is_empty()).map(|(sight, _)| sight).collect();
@@ -173,7 +173,7 @@ impl Tracks {
                 !track.confirmed() && track.origin == Origin::Camera && stamp_ns.saturating_sub(track.supported_ns()) > TENTATIVE_NS;
             if tentative {
                 track.ended_ns = Some(stamp_ns);
-            } else if track.unseen_ns > UNSEEN_NS && !track.held {
+            } else if track.unseen_ns > UNSEEN_NS && !track.stationary {
                 track.ended_ns = Some(track.supported_ns());
             }
         }
@@ -186,14 +186,21 @@ impl Tracks {
     }
 
     /// The echoes and movers of a scan.
-    pub(crate) fn hear(&mut self, parameters: &Parameters, map_from_robot: &Pose, stamp_ns: u64, echoes: &[Heard<'_>], movers: &[Mover]) {
+    pub(crate) fn update_by_sonar(
+        &mut self,
+        parameters: &Parameters,
+        map_from_robot: &Pose,
+        stamp_ns: u64,
+        echoes: &[SonarEcho<'_>],
+        movers: &[Mover],
+    ) {
         self.lead(stamp_ns);
         let mut claimed = vec![false; echoes.len()];
         for (echo, claimed) in echoes.iter().zip(&mut claimed).filter(|(echo, _)| echo.beam.echo()) {
             *claimed = self.support_by_echo(echo, stamp_ns);
         }
         for echo in echoes {
-            for track in self.alive().filter(|track| track.held) {
+            for track in self.alive().filter(|track| track.stationary) {
                 track.note_passing(echo.beam, stamp_ns);
             }
         }
@@ -204,21 +211,21 @@ impl Tracks {
             }
         }
         self.note_left_behind(echoes, stamp_ns);
-        self.note_standers(stamp_ns);
+        self.note_stationary(stamp_ns);
         self.end_silent(stamp_ns);
     }
 
-    /// Gives an echo to the walker who explains it best and to whoever stands there; whether there is one.
-    fn support_by_echo(&mut self, echo: &Heard<'_>, stamp_ns: u64) -> bool {
+    /// Gives an echo to the track that explains it best and to a stationary one there; whether there is one.
+    fn support_by_echo(&mut self, echo: &SonarEcho<'_>, stamp_ns: u64) -> bool {
         let known_wall = echo.past > KNOWN_WALL;
         let mut standing = false;
-        for track in self.alive().filter(|track| track.held && !known_wall) {
+        for track in self.alive().filter(|track| track.stationary && !known_wall) {
             if track.stands_at(echo.beam) {
                 track.support_by_echo(echo.beam, stamp_ns);
                 standing = true;
             }
         }
-        let walking = self.alive().filter(|track| !track.held && (track.confirmed() || track.origin == Origin::Sonar));
+        let walking = self.alive().filter(|track| !track.stationary && (track.confirmed() || track.origin == Origin::Sonar));
         let near = walking.filter_map(|track| {
             let deviation = track.echo_deviation(echo.beam)?.abs();
             let plausible = !known_wall || track.walked && track.motion.velocity_m_s().norm() < SLOW_M_S;
@@ -234,16 +241,16 @@ impl Tracks {
         }
     }
 
-    /// Where a walker who was heard comes to rest, somebody stands: he may fade from the picture, and others may pass him.
-    fn note_standers(&mut self, stamp_ns: u64) {
+    /// Where a walker with echoes comes to rest is a stationary one, who may fade from the picture and be passed by others.
+    fn note_stationary(&mut self, stamp_ns: u64) {
         let resting: Vec<usize> = (0..self.tracks.len())
             .filter(|index| {
                 let Some(track) = self.tracks.get(*index) else { return false };
                 let rests = track.ended_ns.is_none()
-                    && !track.held
+                    && !track.stationary
                     && track.confirmed()
                     && track.walked
-                    && track.heard_ns == stamp_ns
+                    && track.echo_ns == stamp_ns
                     && stamp_ns.saturating_sub(track.seen_ns) <= SEEN_NS
                     && track.rests();
                 rests && !self.tracks.iter().any(|other| other.stands_near(track))
@@ -254,28 +261,28 @@ impl Tracks {
                 && let Some(track) = self.tracks.get(index)
             {
                 self.given += 1;
-                let stander = track.stander_at(self.given, track.motion);
-                self.tracks.push(stander);
+                let stationary_track = track.stationary_at(self.given, track.motion);
+                self.tracks.push(stationary_track);
             }
         }
     }
 
-    /// Echoes that began with a walker and go on at their place when the track has left it: he stands there, and the track
-    /// follows somebody who passed him.
-    fn note_left_behind(&mut self, echoes: &[Heard<'_>], stamp_ns: u64) {
-        let mut standers: Vec<Track> = Vec::new();
+    /// Echoes that began with a walker and continue at their place when the track has left it: the walker stands there, and the
+    /// track follows another one who passed.
+    fn note_left_behind(&mut self, echoes: &[SonarEcho<'_>], stamp_ns: u64) {
+        let mut stationary_tracks: Vec<Track> = Vec::new();
         for echo in echoes.iter().filter(|echo| echo.beam.echo() && echo.past <= KNOWN_WALL) {
-            for track in self.tracks.iter().filter(|track| track.confirmed() && track.walked && !track.held) {
-                let Some(stander) = track.left_behind(echo, stamp_ns) else { continue };
-                if !self.tracks.iter().chain(&standers).any(|other| other.stands_near(&stander)) {
-                    standers.push(stander);
+            for track in self.tracks.iter().filter(|track| track.confirmed() && track.walked && !track.stationary) {
+                let Some(stationary_track) = track.left_behind(echo, stamp_ns) else { continue };
+                if !self.tracks.iter().chain(&stationary_tracks).any(|other| other.stands_near(&stationary_track)) {
+                    stationary_tracks.push(stationary_track);
                 }
             }
         }
-        for mut stander in standers.into_iter().take(MAX_TRACKS.saturating_sub(self.tracks.len())) {
+        for mut stationary_track in stationary_tracks.into_iter().take(MAX_TRACKS.saturating_sub(self.tracks.len())) {
             self.given += 1;
-            stander.id = self.given;
-            self.tracks.push(stander);
+            stationary_track.id = self.given;
+            self.tracks.push(stationary_track);
         }
         for track in &mut self.tracks {
             track.anchors.retain(|anchor| stamp_ns.saturating_sub(anchor.stamp_ns) < ANCHOR_NS);
@@ -296,8 +303,8 @@ impl Tracks {
 
     fn end_silent(&mut self, stamp_ns: u64) {
         for track in self.alive() {
-            let over = if track.held {
-                track.passed >= PASSES || track.missed >= MISSES || stamp_ns.saturating_sub(track.heard_ns) > HELD_NS
+            let over = if track.stationary {
+                track.passed >= PASSES || track.missed >= MISSES || stamp_ns.saturating_sub(track.echo_ns) > HELD_NS
             } else if track.origin == Origin::Sonar {
                 stamp_ns.saturating_sub(track.supported_ns()) > UNSEEN_NS
             } else {

@@ -26,7 +26,7 @@ pub struct Variable {
 /// The variables of the fuzzy system with these parameters.
 ///
 /// # Errors
-/// Parameters that cannot be meant.
+/// Parameters out of range.
 pub fn variables(parameters: &Parameters) -> Result<Vec<Variable>, ParametersError> {
     parameters.check()?;
     let ranges = parameters.ranges();

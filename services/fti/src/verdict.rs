@@ -6,13 +6,13 @@ use crate::observe::{ECHO_TO_MIDDLE_M, outside_m};
 use crate::pending::PendingReading;
 use crate::smoothed::{Presence, Smoothed};
 
-/// Somebody whom nobody followed, at any place and for any time.
+/// A walker without a track, at any place and for any time.
 /// Half: 85.0 % / 1.34 %, twice: 85.0 % / 1.36 %.
 const UNSEEN: f64 = 0.005;
-/// ln of how much likelier a passer-by makes an echo that its sonar heard only once, when people are about or nobody looks.
+/// ln of how much likelier an untracked walker makes an echo that its sonar had only once, where others are or no camera looks.
 /// Half: 80.9 % / 1.04 %, twice: 85.2 % / 4.03 %.
 const BRIEF: f64 = 2.2;
-/// And when the camera looks there and shows nobody, or has shown nobody anywhere for long.
+/// The same where the camera looks and shows no walker, or has shown none anywhere for long.
 /// Half: 85.0 % / 1.54 %, twice: 84.6 % / 1.34 %.
 const BRIEF_ALONE: f64 = -0.5;
 /// By how much that falls with each second for which the sonar heard the same thing, 1/s.
@@ -30,14 +30,14 @@ const WEIGHT_SLOPE: f64 = 0.7;
 
 /// ln of how much likelier the walkers who are followed make a reading than an even spread over all ranges (T).
 pub(crate) fn walker(reading: &PendingReading, walkers: &[Presence], range_limit_m: f64) -> f64 {
-    let likelihoods = walkers.iter().map(|walker| walker.trust * range_limit_m * likelihood(reading, walker));
+    let likelihoods = walkers.iter().map(|walker| walker.existence * range_limit_m * likelihood(reading, walker));
     (UNSEEN + likelihoods.sum::<f64>()).ln()
 }
 
-/// The same for somebody whom nobody followed, by how long the sonar heard what it heard then: people who pass beside or behind
-/// the robot leave a beam sooner than what the robot passes. `alone`: the camera has shown nobody for long.
-pub(crate) fn passer_by(reading: &PendingReading, dwell_s: f64, alone: bool) -> f64 {
-    let brief = if reading.watched || alone { BRIEF_ALONE } else { BRIEF };
+/// The same for an untracked walker, by how long the echo lasted: people who pass beside or behind the robot leave a beam sooner
+/// than what the robot passes. `no_recent_track`: the camera has shown no walker for long.
+pub(crate) fn untracked_walker(reading: &PendingReading, dwell_s: f64, no_recent_track: bool) -> f64 {
+    let brief = if reading.watched || no_recent_track { BRIEF_ALONE } else { BRIEF };
     brief - BRIEF_SLOPE * dwell_s
 }
 

@@ -1,4 +1,4 @@
-//! A robot stands before a wall, somebody walks past: the service from outside.
+//! A robot stands before a wall, a walker passes: the service from outside.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 
@@ -14,7 +14,7 @@ const WALKER_X_M: f64 = 1.5;
 /// A scan every 100 ms, a frame every 50 ms.
 const SCANS: u64 = 120;
 
-/// How far aside the walker is: he enters on the right after 4 s and walks to the left at 0.8 m/s.
+/// How far aside the walker is, who enters on the right after 4 s and walks to the left at 0.8 m/s.
 fn walker_y_m(time_s: f64) -> f64 {
     -1.6 + 0.8 * (time_s - 4.0)
 }
@@ -91,7 +91,7 @@ fn the_walkers_echoes_are_withheld_and_the_walls_are_not() {
 }
 
 #[test]
-fn without_a_camera_it_goes_on_and_says_so() {
+fn without_a_camera_verdicts_come_and_say_so() {
     let mut fti = Fti::new(Parameters { camera: None, ..Parameters::default() }).unwrap();
     let mut verdicts = feed(&mut fti, 1..=SCANS, false);
     verdicts.extend(finish(&mut fti));
@@ -105,7 +105,7 @@ fn without_a_camera_it_goes_on_and_says_so() {
 
 #[test]
 fn who_stops_while_another_takes_over_his_blob_is_not_forgotten() {
-    // He comes to rest before the sonar after 6.2 s, where nothing is known yet; another goes on in his place, so that the
+    // The walker rests before the sonar after 6.2 s, where nothing is known yet; another walks on instead, so that the
     // camera sees one who walks through.
     let x_m = 2.5;
     let (rests_s, leaves_s) = (6.2, 10.0);
@@ -138,7 +138,7 @@ fn live_a_dead_camera_is_waited_for_no_longer_than_the_patience() {
 }
 
 #[test]
-fn the_last_scan_is_told_whether_its_verdict_is_to_come_or_given() {
+fn the_last_scan_is_known_before_and_after_its_verdict() {
     for horizon_s in [0.0, 0.35, 3.0] {
         let parameters = Parameters { camera: None, horizon_s, ..Parameters::default() };
         let mut fti = Fti::new(parameters.clone()).unwrap();
@@ -211,7 +211,7 @@ fn what_changed_from_time_to_time_is_all_there_is() {
 }
 
 #[test]
-fn a_state_read_back_goes_on_the_same() {
+fn a_restored_state_gives_the_same_verdicts() {
     for cut in [0, 1, 45, 62, 100] {
         let mut whole = Fti::new(Parameters::default()).unwrap();
         feed(&mut whole, 1..=cut, true);
@@ -299,11 +299,11 @@ fn padded(bytes: &[u8], size: usize) -> Vec<u8> {
 }
 
 #[test]
-fn whoever_was_followed_before_a_long_pause_is_not_led_on_beyond_it() {
+fn no_track_is_predicted_over_a_long_pause() {
     let (mut fti, walking) = (Fti::new(Parameters::default()).unwrap(), 55);
     feed(&mut fti, 1..=walking, true);
     assert_eq!(fti.walkers().count, 1);
-    // Thirty years later a blob is there again, where the walker of old would be if nobody knew where he is by now.
+    // Thirty years later a blob is there again, where a track without an end would expect the walker.
     let stamp_ns = 1_000_000_000_000_000_000;
     fti.step(Input::Camera { stamp_ns, motion: &frame(5.5) });
     fti.step(Input::Scan { seq: walking + 1, stamp_ns, scan: &scan(5.5) });

@@ -27,7 +27,7 @@ pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
             settings::Action::Free => Action::Free,
         },
         correspond_m: paper.correspond_m.get(),
-        readiness: fti.prior_log_odds.get(),
+        prior_log_odds: fti.prior_log_odds.get(),
         camera: settings.expects_camera_motion().then(|| camera(&settings.camera)),
         patience: match settings.pace {
             Pace::Live => Patience::Seconds(fti.patience_s.get() * speed.max(1.0)),

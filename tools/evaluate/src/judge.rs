@@ -27,7 +27,7 @@ pub struct Outcome {
     /// FTI's verdict on each scan, in their order.
     pub verdicts: Vec<FilterVerdict>,
     /// Why, for each reading of each scan.
-    pub grounds: Vec<Vec<fti::Grounds>>,
+    pub grounds: Vec<Vec<fti::LogLikelihoods>>,
     /// Places of FTI's certain tracks after each scan, map frame, m.
     pub tracks_m: Vec<Vec<[f64; 2]>>,
 }
@@ -76,7 +76,7 @@ pub fn filter(drive: &Drive, chain: &Chain) -> Result<Outcome, FilterError> {
 fn collect(outcome: &mut Outcome, verdicts: Vec<fti::Verdict>) {
     for verdict in verdicts {
         outcome.verdicts.push(verdict.verdict);
-        outcome.grounds.push(verdict.grounds);
+        outcome.grounds.push(verdict.likelihoods);
     }
 }
 
