@@ -18,8 +18,6 @@ const ROBOT_RADIUS_M: f64 = 0.2;
 /// A scan with its verdict is known reading by reading for this time, ns: as long as the robot takes to pass a place.
 /// Half: 84.8 % / 1.28 %, twice: 84.9 % / 1.27 %.
 const RECENT_NS: u64 = 6_000_000_000;
-/// Known to be free is all that matters, not for how long.
-const LEAST_PAST: f64 = -3.0;
 /// Where a walker was confirmed, others may be for this time, ns.
 /// Half: 85.0 % / 1.34 %, twice: 85.0 % / 1.35 %.
 const RECENT_TRACK_NS: u64 = 20_000_000_000;
@@ -88,7 +86,7 @@ impl Evidence {
         for scan in &self.recent {
             scan.readings.iter().for_each(|reading| arc.add(scan.stamp_ns, &reading.beam, reading.weight));
         }
-        arc.balance().max(LEAST_PAST)
+        arc.balance()
     }
 
     /// What each pending reading says as evidence.

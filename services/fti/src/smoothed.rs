@@ -20,11 +20,6 @@ const BACK_DATED: f64 = 0.6;
 /// First speed under which a walker is taken to have stood before, m/s.
 /// Half: 84.9 % / 1.35 %, twice: 85.0 % / 1.35 %.
 const STOOD_M_S: f64 = 0.6;
-/// For how long the walker is taken to have stood, s.
-const STOOD_S: f64 = 2.5;
-/// For how long a walker is taken to have come in the direction of the first sight, s.
-const CAME_S: f64 = 0.6;
-
 /// A walker over the horizon.
 #[derive(Debug, Clone)]
 pub(crate) struct Smoothed {
@@ -96,9 +91,6 @@ impl Smoothed {
         let (first_ns, first, _) = self.moments.first().filter(|_| self.has_first_support)?;
         let until_s = seconds(first_ns.saturating_sub(stamp_ns));
         let stood = first.velocity_m_s().norm() < STOOD_M_S;
-        if until_s > if stood { STOOD_S } else { CAME_S } {
-            return None;
-        }
         let motion = if stood { *first } else { first.predict(-until_s, ACCELERATION) };
         Some(Presence { motion, existence: self.existence * BACK_DATED * faded(until_s) })
     }

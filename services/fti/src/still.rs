@@ -23,8 +23,6 @@ const BEFORE_ECHO_M: f64 = 0.12;
 /// Farther away a beam is too wide for its silence to tell of a cell, m.
 /// Half: 80.8 % / 0.89 %, twice: 86.2 % / 2.71 %.
 pub(crate) const REACH_M: f64 = 2.2;
-/// The robot stands where nothing else does: as good as this many sights.
-const STOOD_ON: u8 = 2;
 
 /// What the past says of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -89,7 +87,7 @@ impl Still {
         let size = self.size();
         if let Some(reach_m) = free_reach_m(beam) {
             let cells = &mut self.cells;
-            beam.visit_cone(size, FREE_HALF_RAD, reach_m, |cell| add_free(cells, cell, slot_mark(stamp_ns), 1));
+            beam.visit_cone(size, FREE_HALF_RAD, reach_m, |cell| add_free(cells, cell, slot_mark(stamp_ns)));
         }
     }
 
@@ -99,7 +97,7 @@ impl Still {
         for row in size.index_of(y_m - radius_m)..=size.index_of(y_m + radius_m) {
             for column in size.index_of(x_m - radius_m)..=size.index_of(x_m + radius_m) {
                 if (size.centre_of(column) - x_m).hypot(size.centre_of(row) - y_m) <= radius_m {
-                    add_free(&mut self.cells, Cell { row, column }, slot_mark(stamp_ns), STOOD_ON);
+                    add_free(&mut self.cells, Cell { row, column }, slot_mark(stamp_ns));
                 }
             }
         }
@@ -111,10 +109,10 @@ pub(crate) fn free_reach_m(beam: &Beam) -> Option<f64> {
     beam.echo().then(|| (beam.range_m() - BEFORE_ECHO_M).min(REACH_M))
 }
 
-fn add_free(cells: &mut Lattice<CellEvidence>, cell: Cell, slot: u16, sights: u8) {
+fn add_free(cells: &mut Lattice<CellEvidence>, cell: Cell, slot: u16) {
     let mut evidence = cells.get(cell);
     if evidence.free_slot != slot {
-        evidence.free = evidence.free.saturating_add(sights).min(MOST_COUNTS[1]);
+        evidence.free = evidence.free.saturating_add(1).min(MOST_COUNTS[1]);
         evidence.free_slot = slot;
         cells.set(cell, evidence);
     }
@@ -181,7 +179,7 @@ mod tests {
     fn nothing_stands_where_the_robot_stood() {
         let mut still = still();
         still.stand(0.0, 0.0, 0.2, 0);
-        assert_eq!(past(&still, &[Cell { row: 0, column: 3 }]), -2.0);
+        assert_eq!(past(&still, &[Cell { row: 0, column: 3 }]), -1.0);
         assert_eq!(past(&still, &[Cell { row: 3, column: 3 }]), 0.0);
     }
 }
