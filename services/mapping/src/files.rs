@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_cannot_be_written_leaves_nothing_beside_the_one_that_was_there() {
+    fn a_failed_write_leaves_only_the_file_that_was_there() {
         let folder = tempfile::tempdir().unwrap();
         let names = || {
             let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();

@@ -6,8 +6,8 @@ use geometry::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
 
 use messages::UpdateRegion;
 
+use crate::despeckle::tiles_that_see;
 use crate::integrate::Integrator;
-use crate::lonely::tiles_that_see;
 use crate::pending::PendingScan;
 
 const UNKNOWN: Tile<f32> = [0.0; TILE_CELLS];

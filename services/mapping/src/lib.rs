@@ -20,6 +20,7 @@
 //! - [`export`] makes the files that people and other robots read.
 
 mod cone;
+mod despeckle;
 mod digest;
 pub mod export;
 mod files;
@@ -27,7 +28,6 @@ mod files;
 mod golden;
 mod integrate;
 mod layer;
-mod lonely;
 mod mapper;
 mod numeric;
 mod occupied;
@@ -35,10 +35,10 @@ mod parameters;
 mod pending;
 #[cfg(test)]
 mod reference;
+mod robot_path;
 mod sensor_model;
 mod state;
 mod tuning;
-mod way;
 
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};

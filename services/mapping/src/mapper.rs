@@ -10,13 +10,13 @@ use geometry::{CellSize, TileKey};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::despeckle::published;
 use crate::digest::digest;
 use crate::integrate::Integrator;
 use crate::layer::Layer;
-use crate::lonely::published;
 use crate::parameters::{CommitRule, Parameters, ParametersError};
 use crate::pending::{Decision, PendingScan};
-use crate::way::Way;
+use crate::robot_path::RobotPath;
 
 /// Faster than any indoor robot, m/s: the robots of the Pioneer family drive up to 1.8 m/s, and their odometry turns slip into metres
 /// only over seconds.
@@ -56,7 +56,7 @@ pub enum Input<'a> {
 /// Input that was not taken; the map is as before.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refused {
-    /// Numbers that cannot be meant.
+    /// Numbers out of range.
     #[error("message {seq}: {source}")]
     Invalid {
         /// Its place in the stream.
@@ -155,7 +155,7 @@ pub struct Mapper {
     pub(crate) pending: VecDeque<PendingScan>,
     /// Verdicts on scans still to come.
     pub(crate) early: BTreeMap<u64, Decision>,
-    pub(crate) way: Way,
+    pub(crate) path: RobotPath,
     /// The last scan taken; all zero before the first.
     pub(crate) last: StreamCursor,
     pub(crate) counts: Counts,
@@ -177,7 +177,7 @@ impl Mapper {
             unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false, 0)),
             pending: VecDeque::new(),
             early: BTreeMap::new(),
-            way: Way::default(),
+            path: RobotPath::default(),
             last: StreamCursor::default(),
             counts: Counts::default(),
         })
@@ -186,7 +186,7 @@ impl Mapper {
     /// Takes one input. What it changes is shown after [`Self::refresh`].
     ///
     /// # Errors
-    /// Input that is invalid, was had before, or comes too late or too early; the map is then as before.
+    /// Input that is invalid, was taken before, or comes too late or too early; the map is then as before.
     pub fn step(&mut self, input: Input<'_>) -> Result<(), Refused> {
         match input {
             Input::Scan { seq, stamp_ns, scan } => {
@@ -215,7 +215,7 @@ impl Mapper {
         }
         self.check_jump(seq, stamp_ns, scan)?;
         self.last = at;
-        self.way.visit(&scan.pose);
+        self.path.visit(&scan.pose);
         // Verdicts on scans that were lost on the way wait for nothing.
         self.early = self.early.split_off(&seq);
         let decision = self.early.remove(&seq);
@@ -226,9 +226,9 @@ impl Mapper {
     /// A single pose far away would draw into the map where the robot never was.
     fn check_jump(&self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), Refused> {
         let elapsed_ns = stamp_ns - self.last.stamp_ns;
-        let Some(jump_m) = self.way.distance_m(&scan.pose).filter(|_| elapsed_ns < POSE_LOST_NS) else { return Ok(()) };
+        let Some(jump_m) = self.path.distance_m(&scan.pose).filter(|_| elapsed_ns < POSE_LOST_NS) else { return Ok(()) };
         let elapsed_s = elapsed_ns as f64 * 1e-9;
-        let most_m = LARGEST_JUMP_M + self.way.step_m + FASTEST_M_S * elapsed_s;
+        let most_m = LARGEST_JUMP_M + self.path.step_m + FASTEST_M_S * elapsed_s;
         if jump_m > most_m { Err(Refused::ImplausiblePose { seq, jump_m, most_m, elapsed_s }) } else { Ok(()) }
     }
 
@@ -330,13 +330,13 @@ impl Mapper {
 
     /// The next piece of the robot's way that was not taken yet.
     pub fn next_way_chunk(&mut self) -> Option<WayChunk> {
-        self.way.next_chunk()
+        self.path.next_chunk()
     }
 
     /// The robot's way in the map frame, m.
     #[must_use]
     pub fn way_m(&self) -> &[[f32; 2]] {
-        &self.way.places_m
+        &self.path.places_m
     }
 
     /// The whole map and way are to be sent again: someone has joined who holds nothing.
@@ -345,7 +345,7 @@ impl Mapper {
         if let Some(unfiltered) = &mut self.unfiltered {
             unfiltered.send_again();
         }
-        self.way.send_again();
+        self.path.send_again();
     }
 
     /// What is integrated for good, in numbers. Takes time in the size of the map.
@@ -353,7 +353,7 @@ impl Mapper {
     pub fn summary(&self) -> MapSummary {
         let (sha256, tiles) = digest(self.filtered.committed());
         let Counts { scans, readings, withheld, undecided } = self.counts;
-        MapSummary { sha256, scans, readings, withheld, undecided, tiles, way_m: self.way.length_m }
+        MapSummary { sha256, scans, readings, withheld, undecided, tiles, way_m: self.path.length_m }
     }
 
     /// What has been integrated for good.

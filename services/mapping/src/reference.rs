@@ -27,7 +27,7 @@ fn blend(p: f64, outputs: [f64; 3]) -> f64 {
     memberships(p).iter().zip(outputs).map(|(m, o)| m * o).sum()
 }
 
-struct Place {
+struct CellInBeam {
     cell: Cell,
     z: f64,
     theta: f64,
@@ -47,15 +47,15 @@ fn reference(lattice: &Lattice<f32>, pose: &Pose, reading: &SonarReading, fades:
     let reach = (r / CELL_M) as i32 + 6;
     let all = (near.row - reach..=near.row + reach)
         .flat_map(|row| (near.column - reach..=near.column + reach).map(move |column| Cell { row, column }));
-    let places: Vec<Place> = all
+    let places: Vec<CellInBeam> = all
         .map(|cell| {
             let (dx, dy) = (cells.centre_of(cell.column) - sensor.x_m, cells.centre_of(cell.row) - sensor.y_m);
             let off = dy.atan2(dx) - sensor.yaw_rad;
-            Place { cell, z: dx.hypot(dy), theta: wrapped(off) }
+            CellInBeam { cell, z: dx.hypot(dy), theta: wrapped(off) }
         })
         .collect();
-    let in_cone = |place: &Place| place.theta.abs() <= HALF_BEAM_DEG.to_radians();
-    let value = |place: &Place| probability(lattice.get(place.cell));
+    let in_cone = |place: &CellInBeam| place.theta.abs() <= HALF_BEAM_DEG.to_radians();
+    let value = |place: &CellInBeam| probability(lattice.get(place.cell));
 
     let arc = places.iter().filter(|p| in_cone(p) && p.z >= b && p.z < c && value(p) > 0.5);
     let known = arc.max_by(|p, q| value(p).total_cmp(&value(q)).then(q.theta.abs().total_cmp(&p.theta.abs())));
@@ -67,7 +67,7 @@ fn reference(lattice: &Lattice<f32>, pose: &Pose, reading: &SonarReading, fades:
     let k_e = |z: f64| if fades { 0.5 - (0.5 - k_e_near) * fade(z, 1.6) } else { k_e_near };
     let a = if reading.echo == 1 { r - sigma_r * (k_o / k_e(b)).ln().sqrt() } else { b };
 
-    let log_odds = |place: &Place| {
+    let log_odds = |place: &CellInBeam| {
         if !in_cone(place) {
             return 0.0;
         }
@@ -81,7 +81,7 @@ fn reference(lattice: &Lattice<f32>, pose: &Pose, reading: &SonarReading, fades:
         };
         (p / (1.0 - p)).ln()
     };
-    let undecidable = |place: &Place| {
+    let undecidable = |place: &CellInBeam| {
         let edge =
             (place.theta.abs() - HALF_BEAM_DEG.to_radians()).abs() < 1e-5 || [a, b, c].iter().any(|end| (place.z - end).abs() < 1e-5);
         edge || place.z < 1e-5

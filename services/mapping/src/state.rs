@@ -10,7 +10,7 @@ use state::{DecodeError, InParts, Packed, decode, decode_part, encode, encode_pa
 use crate::layer::Layer;
 use crate::mapper::{Counts, MAX_EARLY, Mapper};
 use crate::pending::{Decision, PendingScan};
-use crate::way::{MAX_LENGTH_M, MAX_PLACES, Way};
+use crate::robot_path::{MAX_LENGTH_M, MAX_PLACES, RobotPath};
 
 const ALL_READINGS: u32 = (1 << MAX_READINGS) - 1;
 
@@ -77,9 +77,9 @@ impl Mapper {
             unfiltered: self.unfiltered.is_some(),
             last: self.last,
             counts: self.counts,
-            way_step_m: self.way.step_m,
-            way_length_m: self.way.length_m,
-            way_m: Packed::from(&self.way.places_m[..]),
+            way_step_m: self.path.step_m,
+            way_length_m: self.path.length_m,
+            way_m: Packed::from(&self.path.places_m[..]),
             pending: pending.collect(),
             early: self.early.iter().map(|(seq, decision)| (*seq, decision.into())).collect(),
             tiles: InParts::default(),
@@ -120,7 +120,7 @@ impl Mapper {
         require(head.l_max.to_bits() == mapper.integrator.l_max.to_bits(), head.l_max, "the limit of log-odds that is set")?;
         require(head.unfiltered == mapper.unfiltered.is_some(), head.unfiltered, "an unfiltered layer as it is set")?;
         (mapper.last, mapper.counts) = (head.last, head.counts);
-        mapper.way = way(head.way_step_m, head.way_length_m, head.way_m.into_vec())?;
+        mapper.path = path(head.way_step_m, head.way_length_m, head.way_m.into_vec())?;
         for SavedScan { at: StreamCursor { seq, stamp_ns }, scan, decision } in head.pending {
             let after = mapper.pending.back().map_or((0, 0), |before| (before.seq, before.stamp_ns));
             require(seq > after.0 && seq <= mapper.last.seq, seq, "pending scans in their order, up to the last one taken")?;
@@ -166,13 +166,13 @@ impl Mapper {
 
 const _: () = assert!(TILE_CELLS == 1024);
 
-fn way(step_m: f64, length_m: f64, places_m: Vec<[f32; 2]>) -> Result<Way, StateError> {
+fn path(step_m: f64, length_m: f64, places_m: Vec<[f32; 2]>) -> Result<RobotPath, StateError> {
     require(step_m > 0.0 && step_m.is_finite(), step_m, "a step of the path above 0")?;
     require((0.0..=MAX_LENGTH_M).contains(&length_m), length_m, "a length of the path")?;
     require(places_m.len() <= MAX_PLACES, places_m.len(), "at most 16384 points of the path")?;
     let far = places_m.iter().find(|place| !place.iter().all(|number| number.abs() <= 1e6));
     far.map_or(Ok(()), |place| Err(error(format!("{place:?}"), "a point within 1000 km")))?;
-    Ok(Way::restored(step_m, length_m, places_m))
+    Ok(RobotPath::restored(step_m, length_m, places_m))
 }
 
 impl From<&Decision> for SavedDecision {

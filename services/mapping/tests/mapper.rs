@@ -82,7 +82,7 @@ fn a_withheld_reading_leaves_its_free_part_alone() {
 }
 
 #[test]
-fn a_pending_reading_is_shown_with_the_verdict_that_is_expected_and_integrated_with_the_one_that_comes() {
+fn a_pending_reading_is_shown_with_the_expected_verdict() {
     let mut mapper = lockstep_with_verdicts();
     mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();
     let mut outlook = VerdictOutlook { count: 2, ..VerdictOutlook::default() };
@@ -215,12 +215,12 @@ fn a_straight_wall_is_a_straight_dark_line() {
 #[test]
 fn what_is_sent_makes_the_whole_map() {
     let mut mapper = by_horizon();
-    let mut held: BTreeMap<(i32, i32), MapTile> = BTreeMap::new();
-    let receive = |mapper: &mut Mapper, held: &mut BTreeMap<(i32, i32), MapTile>| {
+    let mut received: BTreeMap<(i32, i32), MapTile> = BTreeMap::new();
+    let receive = |mapper: &mut Mapper, received: &mut BTreeMap<(i32, i32), MapTile>| {
         let mut message = MapTile::default();
         for key in mapper.take_unsent(Layer::Filtered, 3) {
             mapper.write_tile(Layer::Filtered, key, &mut message);
-            held.insert((key.row, key.column), message);
+            received.insert((key.row, key.column), message);
         }
     };
     for step in 0..200_u64 {
@@ -228,17 +228,17 @@ fn what_is_sent_makes_the_whole_map() {
         let reading = SonarReading { range_m: 0.3 + (step % 20) as f64 * 0.1, echo: 1, ..SonarReading::default() };
         mapper.step(Input::Scan { seq: step + 1, stamp_ns: step * SECOND_NS / 5, scan: &SonarScan::new(pose, &[reading], false) }).unwrap();
         mapper.refresh();
-        receive(&mut mapper, &mut held);
+        receive(&mut mapper, &mut received);
     }
-    (0..100).for_each(|_| receive(&mut mapper, &mut held));
+    (0..100).for_each(|_| receive(&mut mapper, &mut received));
     let tiles = |tiles: &mut dyn Iterator<Item = MapTile>| cells(tiles.collect());
-    let whole = tiles(&mut mapper.shown_tiles(Layer::Filtered));
-    assert_eq!(tiles(&mut held.values().copied()), whole);
-    assert_eq!(held.values().last().unwrap().tiles_in_layer as usize, whole.len());
-    held.clear();
+    let complete = tiles(&mut mapper.shown_tiles(Layer::Filtered));
+    assert_eq!(tiles(&mut received.values().copied()), complete);
+    assert_eq!(received.values().last().unwrap().tiles_in_layer as usize, complete.len());
+    received.clear();
     mapper.send_again();
-    (0..100).for_each(|_| receive(&mut mapper, &mut held));
-    assert_eq!(tiles(&mut held.values().copied()), whole);
+    (0..100).for_each(|_| receive(&mut mapper, &mut received));
+    assert_eq!(tiles(&mut received.values().copied()), complete);
 }
 
 /// A drive of a few scans, with the verdict on each.

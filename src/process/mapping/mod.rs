@@ -69,7 +69,7 @@ struct Mapping {
     scans: Reader<SonarScan>,
     verdicts: Option<Verdicts>,
     tiles: Writer<MapTile>,
-    way: Writer<WayChunk>,
+    path: Writer<WayChunk>,
     summary: Writer<MapSummary>,
     out: PathBuf,
     pace: Pace,
@@ -128,7 +128,7 @@ impl Fold for Mapping {
     }
 
     fn publish(&mut self, _: bool) -> Result<Next, StepError> {
-        if self.tiles.joined() | self.way.joined() {
+        if self.tiles.joined() | self.path.joined() {
             self.mapper.send_again();
         }
         let next_look = self.show();
@@ -161,7 +161,7 @@ impl Fold for Mapping {
         self.summary.send(seq, stamp_ns, &summary)?;
         self.summary.end(seq, stamp_ns)?;
         self.tiles.end(seq, stamp_ns)?;
-        self.way.end(seq, stamp_ns)?;
+        self.path.end(seq, stamp_ns)?;
         Ok(Next::Finished)
     }
 
@@ -199,7 +199,7 @@ impl Mapping {
             scans,
             verdicts,
             tiles: shell.writer()?,
-            way: shell.writer()?,
+            path: shell.writer()?,
             summary: shell.writer()?,
             out: settings.out.clone(),
             pace: settings.pace,
@@ -296,7 +296,7 @@ impl Mapping {
         }
         for _ in 0..WAY_CHUNKS_PER_ROUND {
             let Some(chunk) = self.mapper.next_way_chunk() else { return Ok(room == 0) };
-            self.way.send(seq, stamp_ns, &chunk)?;
+            self.path.send(seq, stamp_ns, &chunk)?;
         }
         Ok(true)
     }

@@ -78,8 +78,11 @@ impl MapCopy {
     /// Whether nothing is missing that the owner had when it sent what was taken last.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        let whole = |layer: &LayerCopy| layer.tiles.len() as u64 >= u64::from(layer.expected);
-        self.filtered.expected > 0 && whole(&self.filtered) && whole(&self.unfiltered) && self.way_m.len() as u64 >= self.way_total
+        let is_complete = |layer: &LayerCopy| layer.tiles.len() as u64 >= u64::from(layer.expected);
+        self.filtered.expected > 0
+            && is_complete(&self.filtered)
+            && is_complete(&self.unfiltered)
+            && self.way_m.len() as u64 >= self.way_total
     }
 
     /// Tiles of the filtered layer held, and expected.

@@ -1,4 +1,4 @@
-//! The robot's way, for pictures.
+//! The robot's path, for pictures.
 
 use messages::{MAX_WAY_POINTS, Pose, WayChunk};
 
@@ -12,7 +12,7 @@ pub(crate) const MAX_LENGTH_M: f64 = 1e9;
 
 /// Where the robot has been, decimated.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Way {
+pub(crate) struct RobotPath {
     pub(crate) step_m: f64,
     pub(crate) length_m: f64,
     pub(crate) places_m: Vec<[f32; 2]>,
@@ -20,13 +20,13 @@ pub(crate) struct Way {
     sent: usize,
 }
 
-impl Default for Way {
+impl Default for RobotPath {
     fn default() -> Self {
         Self::restored(FIRST_STEP_M, 0.0, Vec::new())
     }
 }
 
-impl Way {
+impl RobotPath {
     /// A way kept elsewhere; nothing of it has been handed out.
     pub(crate) fn restored(step_m: f64, length_m: f64, places_m: Vec<[f32; 2]>) -> Self {
         Self { step_m, length_m, places_m, sent: 0 }
@@ -83,41 +83,41 @@ mod tests {
 
     #[test]
     fn small_moves_are_left_out() {
-        let mut way = Way::default();
-        [0.0, 0.004, 0.009, 0.012, 0.021, 0.023].iter().for_each(|&x| way.visit(&along_x(x)));
-        assert_eq!(way.places_m, [[0.0, 0.0], [0.012, 0.0], [0.023, 0.0]]);
-        assert!((way.length_m - 0.023).abs() < 1e-6);
+        let mut path = RobotPath::default();
+        [0.0, 0.004, 0.009, 0.012, 0.021, 0.023].iter().for_each(|&x| path.visit(&along_x(x)));
+        assert_eq!(path.places_m, [[0.0, 0.0], [0.012, 0.0], [0.023, 0.0]]);
+        assert!((path.length_m - 0.023).abs() < 1e-6);
     }
 
     #[test]
     fn chunks_hold_every_place_once() {
-        let mut way = Way::default();
-        (0..600).for_each(|i| way.visit(&along_x(f64::from(i))));
+        let mut path = RobotPath::default();
+        (0..600).for_each(|i| path.visit(&along_x(f64::from(i))));
         let mut told = Vec::new();
-        while let Some(chunk) = way.next_chunk() {
+        while let Some(chunk) = path.next_chunk() {
             assert_eq!((chunk.first, chunk.total), (told.len() as u64, 600));
             told.extend_from_slice(&chunk.points_m[..chunk.count as usize]);
         }
-        assert_eq!(told, way.places_m);
-        way.visit(&along_x(600.0));
-        assert_eq!(way.next_chunk().unwrap().first, 600);
-        way.send_again();
-        assert_eq!(way.next_chunk().unwrap().first, 0);
+        assert_eq!(told, path.places_m);
+        path.visit(&along_x(600.0));
+        assert_eq!(path.next_chunk().unwrap().first, 600);
+        path.send_again();
+        assert_eq!(path.next_chunk().unwrap().first, 0);
     }
 
     #[test]
     fn no_way_is_longer_than_can_be_told() {
-        let mut way = Way::default();
-        (0..2_000).for_each(|i| way.visit(&along_x(if i % 2 == 0 { 1e6 } else { -1e6 })));
-        assert_eq!(way.length_m, MAX_LENGTH_M);
+        let mut path = RobotPath::default();
+        (0..2_000).for_each(|i| path.visit(&along_x(if i % 2 == 0 { 1e6 } else { -1e6 })));
+        assert_eq!(path.length_m, MAX_LENGTH_M);
     }
 
     #[test]
     fn a_long_way_takes_no_more_memory() {
-        let mut way = Way::default();
-        (0..100_000).for_each(|i| way.visit(&along_x(f64::from(i) * 0.02)));
-        assert!(way.places_m.len() <= MAX_PLACES);
-        assert_eq!(way.places_m[0], [0.0, 0.0]);
-        assert!((way.length_m - 2000.0).abs() < 1.0);
+        let mut path = RobotPath::default();
+        (0..100_000).for_each(|i| path.visit(&along_x(f64::from(i) * 0.02)));
+        assert!(path.places_m.len() <= MAX_PLACES);
+        assert_eq!(path.places_m[0], [0.0, 0.0]);
+        assert!((path.length_m - 2000.0).abs() < 1.0);
     }
 }

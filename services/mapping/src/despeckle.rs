@@ -1,4 +1,4 @@
-//! Occupied cells that stand alone (the end of the paper's Table 6).
+//! Occupied cells without neighbours (the end of the paper's Table 6).
 
 use geometry::{Cell, Lattice, TILE_CELLS, TILE_EDGE, Tile, TileKey};
 
