@@ -14,6 +14,8 @@ use psos::{Deframer, Sip, number};
 use runtime::Shell;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::inotify::WatchFlags;
+use serde::Serialize;
+use state::Schema;
 
 use crate::harness::inotify::Inotify;
 
@@ -130,9 +132,16 @@ fn ride(client: &mut File, mut look: impl FnMut()) -> Vec<Sip> {
     }
 }
 
-/// What a simulator keeps: packets made, packets sent.
-fn state(made: u64, sent: u64) -> Vec<u8> {
-    [made, sent].iter().flat_map(|number| number.to_le_bytes()).collect()
+/// What a simulator saves, by the names that its version is made of.
+#[derive(Serialize, Schema)]
+struct DriveState {
+    packets: u64,
+    sent: u64,
+}
+
+/// What it saves after so many packets made and sent.
+fn state(packets: u64, sent: u64) -> Vec<u8> {
+    state::encode(&DriveState { packets, sent }, Vec::new())
 }
 
 /// What the bus tells.
