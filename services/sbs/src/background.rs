@@ -41,15 +41,6 @@ pub struct Estimate {
     pub count: u8,
 }
 
-/// The model of a pixel.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pixel {
-    /// The Gaussian B.
-    pub background: Estimate,
-    /// What may take its place.
-    pub candidate: Estimate,
-}
-
 /// `f32::clamp` without its order for NaN, which costs the vector units more than the comparison.
 #[inline(always)]
 fn within(x: f32, low: f32, high: f32) -> f32 {
@@ -120,27 +111,5 @@ impl Estimate {
     #[must_use]
     pub fn as_candidate(self) -> Self {
         Self { count: 0, ..self }
-    }
-}
-
-impl Pixel {
-    /// A pixel never trained: mean = value, variance σ_init² (Table 2).
-    #[must_use]
-    pub fn new(z: f32, rule: &BackgroundRule) -> Self {
-        let background = Estimate::new(z, rule);
-        Self { background, candidate: background.as_candidate() }
-    }
-
-    /// Takes a value that matches B.
-    pub fn matched(&mut self, z: f32, rule: &BackgroundRule) {
-        self.background = self.background.updated(z, rule);
-    }
-
-    /// Takes a value that does not: it feeds the candidate, which takes over after enough of them.
-    pub fn unmatched(&mut self, z: f32, still: bool, rule: &BackgroundRule) {
-        self.candidate = self.candidate.fed(z, rule);
-        if self.candidate.takes_over(still, rule) {
-            (self.background, self.candidate) = (self.candidate.as_background(), self.background.as_candidate());
-        }
     }
 }

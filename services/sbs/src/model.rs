@@ -167,3 +167,65 @@ vectorised! {
         grid.nearest(&old.candidate.variance, candidate.variance.row_mut(v));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use serde_json::Value;
+
+    /// As many pixels as the vector units take at once, and a few.
+    const WIDTH: usize = 19;
+
+    /// Pixels that have seen 100 once.
+    fn trained(rule: &BackgroundRule) -> Model {
+        let picture = Plane::filled(WIDTH, 1, 100.0);
+        let mut model = Model::unknown(&picture, rule);
+        model.match_values(&picture, 1.0, rule);
+        model
+    }
+
+    /// Gives every pixel this value, as in a frame of a camera that stands still; the mask.
+    fn see(model: &mut Model, z: f32, still: bool, rule: &BackgroundRule) -> Plane<u8> {
+        let unmatched = model.match_values(&Plane::filled(WIDTH, 1, z), 1.0, rule);
+        (0..WIDTH).filter(|at| unmatched.values()[*at] == SET).for_each(|at| model.feed_candidate(at, z, still, rule));
+        unmatched
+    }
+
+    #[test]
+    fn background_and_candidate_agree_with_the_golden_values() {
+        // The file's rule: cmax 40, burn 6, smin 2.5, sinit 8, smax 8, clip 2, k 3; it starts from a pixel that has seen 100.
+        let rule = BackgroundRule { takeover: 6, takeover_still: 6, ..BackgroundRule::default() };
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/sbs/golden.json");
+        let golden: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let mut model = trained(&rule);
+        for (step, expected) in golden["b_and_candidate"]["trace"].as_array().unwrap().iter().enumerate() {
+            let number = |name: &str| expected[name].as_f64().unwrap();
+            let unmatched = see(&mut model, number("z") as f32, false, &rule);
+            for at in 0..WIDTH {
+                assert_eq!(u64::from(unmatched.values()[at]), expected["label"].as_u64().unwrap(), "value {step}, pixel {at}");
+                let (b, c) = (model.background.get(at), model.candidate.get(at));
+                for (name, found) in [("MU", b.mean), ("VA", b.variance), ("CM", c.mean), ("CV", c.variance)] {
+                    let difference = (f64::from(found) - number(name)).abs();
+                    assert!(difference <= 1e-5 * number(name).abs().max(1.0), "{name} after value {step}, pixel {at}: {found}");
+                }
+                assert_eq!((f64::from(b.count), f64::from(c.count)), (number("CN"), number("CC")), "value {step}, pixel {at}");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_values_leave_the_gaussians_within_their_limits(values in proptest::collection::vec((0_u8..=255, any::<bool>()), 1..300)) {
+            let rule = BackgroundRule::default();
+            let mut model = trained(&rule);
+            for (z, still) in values {
+                see(&mut model, f32::from(z), still, &rule);
+                let background = model.background.get(0);
+                let sigma = background.variance.sqrt();
+                prop_assert!((rule.sigma_min - 1e-3..=rule.sigma_max + 1e-3).contains(&sigma));
+                prop_assert!((0.0..=255.0).contains(&background.mean) && background.count <= rule.count_cap);
+            }
+        }
+    }
+}

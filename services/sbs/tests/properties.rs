@@ -3,7 +3,6 @@
 
 use proptest::prelude::*;
 use stillmap_sbs::alignment::{Covariance, Pair, region};
-use stillmap_sbs::background::{BackgroundRule, Pixel};
 use stillmap_sbs::components::components;
 use stillmap_sbs::estimation::least_squares;
 use stillmap_sbs::mixture::{EmRule, learn};
@@ -55,20 +54,6 @@ proptest! {
         let (small, large) = (region([u, v], sigma, h), region([u, v], sigma.times(2.0), h));
         prop_assert!(!small.is_empty() && large.len() >= small.len());
         prop_assert!(small.len() == 1 || small.iter().all(|p| p.distance <= h));
-    }
-
-    /// Whatever comes, a pixel's Gaussians stay within their limits.
-    #[test]
-    fn a_pixel_stays_within_its_limits(values in proptest::collection::vec((0_u8..=255, any::<bool>()), 1..300)) {
-        let rule = BackgroundRule::default();
-        let mut pixel = Pixel::new(100.0, &rule);
-        for (z, still) in values {
-            let z = f32::from(z);
-            if pixel.background.accepts(z, rule.k) { pixel.matched(z, &rule) } else { pixel.unmatched(z, still, &rule) }
-            let sigma = pixel.background.variance.sqrt();
-            prop_assert!((rule.sigma_min - 1e-3..=rule.sigma_max + 1e-3).contains(&sigma));
-            prop_assert!((0.0..=255.0).contains(&pixel.background.mean) && pixel.background.count <= rule.count_cap);
-        }
     }
 
     /// Components agree with a flood fill in number, size and place.
