@@ -121,9 +121,9 @@ fn values(root: &Value, kind: &Value, default: &Value) -> Vec<String> {
     let (Some(low), Some(high)) = (kind["minimum"].as_f64(), kind["maximum"].as_f64()) else { return Vec::new() };
     let middle = default.as_f64().unwrap_or(low);
     let numbers = [low, 0.5 * (low + middle), 0.9 * middle, 1.2 * middle + 0.1 * low.abs(), 0.5 * (middle + high), high];
-    let whole = kind["type"] == "integer";
+    let is_integer = kind["type"] == "integer";
     let within = numbers.into_iter().filter(|number| (low..=high).contains(number));
-    within.map(|number| if whole { format!("{}", number.round()) } else { format!("{number:?}") }).collect()
+    within.map(|number| if is_integer { format!("{}", number.round()) } else { format!("{number:?}") }).collect()
 }
 
 /// The deployment in which a key is read.
