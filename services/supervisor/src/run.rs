@@ -464,6 +464,9 @@ impl<'a> Supervisor<'a> {
                 };
                 self.children[process] = None;
                 self.vitals[process].end();
+                // Without the domain it cannot join again, and would fail twice with the same error before the next look.
+                self.removal_checked = Duration::ZERO;
+                changed |= self.look_for_removed_files()?;
                 self.feed(Event::Exited { process, exit })?;
                 if self.removal.is_found() {
                     // It could not join again. At the end of a run the others may have no checkpoint to start from any more.
