@@ -21,6 +21,7 @@
 
 mod bad_input;
 mod browser;
+mod conditions;
 mod diagnosis;
 mod drive;
 mod driver_kills;
