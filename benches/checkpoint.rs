@@ -18,6 +18,8 @@ use stillmap::process::mapping::Tiles;
 const TILE_M: f64 = 1.6;
 /// Scans between two checkpoints.
 const SCANS: u32 = 64;
+/// Time between two scans, ns: mapping refuses a robot that crosses the map at more than 10 m/s.
+const SCAN_NS: u64 = 20_000_000_000;
 
 /// A map with both layers, and the number of the next scan.
 struct Drive {
@@ -42,7 +44,7 @@ impl Drive {
         let mount = |sonar: u32| Pose { yaw_rad: f64::from(sonar) * TAU / 3.0, ..Pose::default() };
         let reading = |sonar| SonarReading { mount: mount(sonar), range_m: 2.0, sonar, echo: 1 };
         let scan = SonarScan::new(Pose { x_m, y_m, yaw_rad }, &[reading(0), reading(1), reading(2)], false);
-        self.mapper.step(Input::Scan { seq: self.seq, stamp_ns: self.seq * 100_000_000, scan: &scan }).unwrap();
+        self.mapper.step(Input::Scan { seq: self.seq, stamp_ns: self.seq * SCAN_NS, scan: &scan }).unwrap();
     }
 
     /// The scans between two checkpoints.

@@ -147,8 +147,8 @@ impl Checkpoint {
         None
     }
 
-    /// Whether the file is missing although it was there and can be written, as when a cleaner has removed its folder: then the state is saved at the
-    /// next message, whatever the interval is. Looks at most once in [`LOOK`].
+    /// Whether the file is missing although it was there and can be written, as when a cleaner has removed its folder: then the
+    /// state is saved at the next message, whatever the interval is. Looks at most five times a second.
     pub fn is_missing(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return false;

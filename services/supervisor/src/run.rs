@@ -203,7 +203,7 @@ impl<'a> Supervisor<'a> {
             changed |= self.take_stop_requests()?;
             self.take_summary(on_report)?;
             changed |= self.take_output_and_exits()?;
-            changed |= self.look_for_removed_files()?;
+            self.look_for_removed_files()?;
             changed |= self.feed_at(Event::Tick, now)?;
             self.watch_the_guard();
         }
@@ -466,7 +466,7 @@ impl<'a> Supervisor<'a> {
                 self.vitals[process].end();
                 // Without the domain it cannot join again, and would fail twice with the same error before the next look.
                 self.removal_checked = Duration::ZERO;
-                changed |= self.look_for_removed_files()?;
+                self.look_for_removed_files()?;
                 self.feed(Event::Exited { process, exit })?;
                 if self.removal.is_found() {
                     // It could not join again. At the end of a run the others may have no checkpoint to start from any more.
