@@ -116,7 +116,7 @@ fn scans_of_a_clock_set_back_are_refused_and_reported() {
     let integrated: usize = figures.trim().split(' ').next().unwrap().parse().unwrap();
     let sandbox = Sandbox::new();
     let scans = crate::harness::recorded::<messages::SonarScan>(&DRIVE.log(&sandbox)).len();
-    assert_eq!(integrated + refused, scans);
+    assert_eq!(integrated + refused, scans, "{}", ended.stderr);
 }
 
 /// A live replay of the drive, with an injector.

@@ -25,6 +25,8 @@ const FASTEST_M_S: f64 = 10.0;
 const LARGEST_JUMP_M: f64 = 0.5;
 /// After so long without a scan any pose is believed, ns: the robot was carried, or its odometry began anew.
 const POSE_LOST_NS: u64 = 1_000_000_000;
+/// Time from one status packet of a Pioneer to the next, ns.
+const PACKET_NS: u64 = 100_000_000;
 /// Most verdicts that are kept for scans still to come.
 pub(crate) const MAX_EARLY: usize = 1024;
 
@@ -225,7 +227,8 @@ impl Mapper {
 
     /// A single pose far away would draw into the map where the robot never was.
     fn check_jump(&self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), Refused> {
-        let elapsed_ns = stamp_ns - self.last.stamp_ns;
+        // Stamps do not tell the time over scans that are missing: they may have been refused because the clock was set.
+        let elapsed_ns = (stamp_ns - self.last.stamp_ns).max((seq - self.last.seq - 1).saturating_mul(PACKET_NS));
         let Some(jump_m) = self.path.distance_m(&scan.pose).filter(|_| elapsed_ns < POSE_LOST_NS) else { return Ok(()) };
         let elapsed_s = elapsed_ns as f64 * 1e-9;
         let most_m = LARGEST_JUMP_M + self.path.step_m + FASTEST_M_S * elapsed_s;

@@ -153,6 +153,17 @@ fn in_lockstep_a_verdict_is_waited_for() {
 }
 
 #[test]
+fn a_pose_after_missing_scans_may_be_as_far_as_they_took() {
+    let scan = |x_m| SonarScan::new(Pose { x_m, ..Pose::default() }, &[], false);
+    for (missing, accepted) in [(0, false), (2, false), (3, true)] {
+        let mut mapper = Mapper::new(&Parameters::default()).unwrap();
+        mapper.step(Input::Scan { seq: 1, stamp_ns: 100_000_000, scan: &scan(0.0) }).unwrap();
+        let stamp_ns = 110_000_000;
+        assert_eq!(mapper.step(Input::Scan { seq: 2 + missing, stamp_ns, scan: &scan(3.4) }).is_ok(), accepted, "{missing}");
+    }
+}
+
+#[test]
 fn a_pose_that_no_robot_can_reach_is_refused_unless_it_lasts() {
     let at = |x_m: f64| SonarScan { pose: messages::Pose { x_m, ..messages::Pose::default() }, ..echo_ahead(1.0) };
     let mut mapper = by_horizon();
