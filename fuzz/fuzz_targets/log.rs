@@ -119,13 +119,13 @@ impl LogVisitor for AsEach<'_> {
     }
 }
 
-/// The new log holds the readable part of the old one and has no damage.
+/// The new log holds the readable part of the old one and has no damage. Scans that the old one lacks stay named as missing.
 fn recover(from: &Path) {
     let to = from.with_file_name("whole.mcap");
     let _ = fs::remove_file(&to);
     if let Ok(recovered) = drivelog::recover(from, &to) {
         let info = drivelog::info(&to).unwrap();
-        assert!(info.is_complete(), "{info}");
+        assert_eq!(info.damage_count, 0, "{info}");
         assert_eq!(info.channels.values().map(|channel| channel.messages).sum::<u64>(), recovered.messages);
     }
 }

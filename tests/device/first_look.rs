@@ -93,7 +93,7 @@ fn the_probe_names_what_is_at_the_end_of_the_cable() {
     adapter::connect(End::Robot);
     adapter::plug();
     let answer = output(&sandbox, &["pioneer", "probe", PORT]);
-    assert!(answer.starts_with("/dev/ttyUSB0: \"stillmap-simulator\", a Pioneer psos, at 9600 baud\n"), "{answer}");
+    assert!(answer.starts_with("/dev/ttyUSB0: \"stillmap-simulator\", a Pioneer pion1m, at 9600 baud\n"), "{answer}");
     assert!(answer.contains("robot.model = \"pioneer-1\"\n  all 7 sonars fire\n"), "{answer}");
     assert_eq!(
         refused_line(&as_other_user(&sandbox, &["pioneer", "probe", PORT])),
