@@ -149,9 +149,9 @@ impl<'a> Running<'a> {
             command.stdout(file("stdout")).stderr(file("stderr"));
         }
         let child = command.args(arguments).spawn().unwrap();
-        let kept = if is_mounted { sandbox.path("course-out.kept") } else { out.clone() };
+        let copied = if is_mounted { sandbox.path("course-out.kept") } else { out.clone() };
         let out_now = if is_mounted { PathBuf::from(format!("/proc/{}/root{}", child.id(), out.display())) } else { out };
-        Self { sandbox, child, began: Instant::now(), terminal, out: kept, out_now, is_mounted }
+        Self { sandbox, child, began: Instant::now(), terminal, out: copied, out_now, is_mounted }
     }
 
     /// Waits for a time after the start; false if the run has ended before.
@@ -308,7 +308,7 @@ fn map(folder: &Path) -> Option<Vec<u8>> {
 }
 
 #[test]
-fn random_conditions_leave_a_map_of_the_log_or_say_what_is_missing() {
+fn random_conditions_leave_the_map_of_the_log_or_an_error() {
     let number = |variable: &str, default: u64| std::env::var(variable).map_or(default, |text| text.parse().unwrap());
     let (count, seed) = (number("STILLMAP_CONDITIONS", 3), number("STILLMAP_CONDITIONS_SEED", 1));
     let can_mount = can_mount();
