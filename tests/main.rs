@@ -9,7 +9,8 @@
 //!     cargo build --example text_driver
 //!     cargo test --features deployments --test stillmap [PART OF A NAME]
 //!
-//! Two tests are run by name in any build: [`soak`] with a thousand kills, and [`memory`] over an hour of driving; each says how.
+//! Three tests are run by name in any build: [`soak`] with a thousand kills, [`memory`] over an hour of driving, and [`conditions`] with
+//! a hundred deployments; each says how.
 #![cfg(any(clippy, feature = "deployments", not(debug_assertions)))]
 #![expect(
     clippy::unwrap_used,
