@@ -17,6 +17,7 @@
 
 mod angle;
 mod beam;
+mod frame;
 mod lattice;
 mod place;
 mod recent;
@@ -24,6 +25,7 @@ mod tile;
 
 pub use angle::wrapped;
 pub use beam::{Beam, InBeam};
+pub use frame::{Map, MapFromOdom, MapFromRobot, Odom, OdomFromRobot, Robot, Sonar, Transform};
 pub use lattice::Lattice;
 pub use place::{Cell, CellSize, CellSizeError, TileKey};
 pub use tile::{TILE_CELLS, TILE_EDGE, Tile};
