@@ -13,6 +13,7 @@ use crate::pioneer::{self, PioneerCommand};
 use crate::replay::{self, ReplayArgs};
 use crate::run::{self, RunArgs};
 use crate::status::{self, StatusArgs};
+use crate::world::{self, WorldArgs};
 use crate::{exit, process, top};
 use clap::{Parser, Subcommand};
 use indicatif::MultiProgress;
@@ -62,6 +63,8 @@ pub(crate) enum Command {
     /// Describes, recovers or imports logs
     #[command(subcommand)]
     Log(LogCommand),
+    /// Makes a random world for the simulator
+    World(WorldArgs),
     /// Checks a settings file, or prints the reference of all settings or of the messages on the bus
     Check(CheckArgs),
     /// Runs one process of a deployment; the supervisor starts it
@@ -99,6 +102,7 @@ impl Command {
             Self::Inject(args) => inject::inject(args)?,
             Self::Evaluate(args) => evaluate::evaluate(args, bars)?,
             Self::Log(command) => return log::log(command),
+            Self::World(args) => world::world(args)?,
             Self::Check(args) => check::check(args)?,
             Self::Process { kind } => process::process(kind)?,
             Self::Guard { directory } => supervisor::guard(directory)?,

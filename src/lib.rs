@@ -28,6 +28,7 @@ mod stack;
 mod status;
 mod terminal;
 mod top;
+mod world;
 
 use clap::Parser;
 use cli::Cli;

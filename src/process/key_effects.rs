@@ -2,10 +2,10 @@
 
 use super::simulator::optics as simulator_optics;
 use super::{fti, mapping, sbs, std};
-use ::evaluate::{Chain, Drive, Eyes, Variation, filter, mapped, read_world};
+use ::evaluate::{CameraSetup, Chain, Drive, Variation, filter, mapped, read_world};
 use ::mapping::export::MapCopy;
 use ::sbs::{Frame, State};
-use ::simulator::blobs::Failings;
+use ::simulator::CalibrationError;
 use ::simulator::camera::{Camera, Flaws, Picture};
 use messages::{FrameLayout, PixelFormat};
 use serde_json::Value;
@@ -35,8 +35,8 @@ impl Scene {
         let settings = Settings::default();
         let world = read_world(WORLD, Variation { walkers: Some(3), seed: 1, stand_s: None }).unwrap();
         let optics = simulator_optics(&settings.camera);
-        let eyes = Eyes { optics, failings: Failings::NONE };
-        let drive = Drive::through(&world, &super::robot::body(&settings.robot), settings.robot.range_limit_m.get(), Some(&eyes), 1);
+        let setup = CameraSetup { calibration: CalibrationError::NONE, ..CameraSetup::new(optics) };
+        let drive = Drive::through(&world, &super::robot::body(&settings.robot), settings.robot.range_limit_m.get(), Some(&setup), 1);
         let mut camera = Camera::new(&world, &optics, &Flaws::default(), 1);
         let mut picture = Picture::default();
         let mut take = |frame| {

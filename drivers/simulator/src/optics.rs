@@ -50,3 +50,42 @@ impl Optics {
         self.horizon_share * f64::from(self.size_px[1])
     }
 }
+
+/// How far the camera as built is from the camera as it is taken to be. The seed decides each direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationError {
+    /// Share of the focal length.
+    pub focal_share: f64,
+    /// Row of the horizon, px.
+    pub horizon_px: f64,
+    /// Height above the floor, m.
+    pub height_m: f64,
+}
+
+impl CalibrationError {
+    /// The camera is as it is taken to be.
+    pub const NONE: Self = Self { focal_share: 0.0, horizon_px: 0.0, height_m: 0.0 };
+}
+
+impl Default for CalibrationError {
+    /// A camera that was mounted with a tape measure and a data sheet.
+    fn default() -> Self {
+        Self { focal_share: 0.03, horizon_px: 2.0, height_m: 0.03 }
+    }
+}
+
+impl Optics {
+    /// The camera as built, for a camera that is taken to be this one.
+    #[must_use]
+    pub fn as_built(&self, error: &CalibrationError, seed: u64) -> Self {
+        let towards = |bit: u64| if seed >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        let focal_px = self.focal_px() * (1.0 + towards(0) * error.focal_share);
+        let horizon_px = self.horizon_px() + towards(1) * error.horizon_px;
+        Self {
+            height_m: (self.height_m + towards(2) * error.height_m).max(0.01),
+            field_of_view_rad: 2.0 * (f64::from(self.size_px[0]) / 2.0 / focal_px).atan(),
+            horizon_share: horizon_px / f64::from(self.size_px[1]),
+            ..*self
+        }
+    }
+}

@@ -7,9 +7,8 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fti::{Fti, Input};
 use messages::{Pose, SonarMotion};
-use simulator::blobs::Failings;
 use simulator::{Body, Optics};
-use stillmap_evaluate::{Chain, Drive, Eyes, Variation, filter, read_world};
+use stillmap_evaluate::{CameraSetup, Chain, Drive, Variation, filter, read_world};
 
 const HALL: &str = include_str!("../../../config/worlds/hall.toml");
 
@@ -23,7 +22,7 @@ fn drive(walkers: usize) -> Drive {
         size_px: [160, 120],
         interval_ns: 66_666_667,
     };
-    Drive::through(&world, &Body::of(&psos::MODELS[0]), 3.0, Some(&Eyes { optics, failings: Failings::default() }), 1)
+    Drive::through(&world, &Body::of(&psos::MODELS[0]), 3.0, Some(&CameraSetup::new(optics)), 1)
 }
 
 fn drives(c: &mut Criterion) {

@@ -4,22 +4,30 @@
 //! the mapper in this process, without a bus, and compares the map with the truth, with the map that true echo labels give
 //! (*oracle*) and with the map of the same drive without walkers (*reference*).
 
+mod causes;
+mod comparison;
 mod drive;
 mod judge;
 mod occupancy;
+mod parallel;
 mod recorded;
 mod scan;
 mod score;
+mod setup;
 mod trial;
 mod truth;
 mod variation;
 
-pub use drive::{Drive, Eyes, Frame};
+pub use causes::{Causes, Share};
+pub use comparison::{Cells, Overlap};
+pub use drive::{CameraSetup, Drive, Frame};
 pub use judge::{Chain, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
 pub use occupancy::Occupancy;
+pub use parallel::in_parallel;
 pub use recorded::{NoTruth, Numbered, Recorded};
 pub use scan::Scan;
 pub use score::{Detection, Labels, Score, Tally, track_errors_m};
+pub use setup::{Driven, Setup};
 pub use trial::{Trial, reference};
 pub use truth::Truth;
 pub use variation::{Variation, VariationError, read_world};

@@ -6,6 +6,7 @@ use geometry::{Cell, CellSize};
 use messages::{FilterVerdict, SonarMotion, seconds};
 use serde::Serialize;
 
+use crate::comparison::Cells;
 use crate::drive::Drive;
 use crate::judge::of_walker;
 use crate::occupancy::Occupancy;
@@ -65,6 +66,8 @@ pub struct Tally {
     pub withheld: usize,
     /// Echoes in all.
     pub echoes: usize,
+    /// Cells against the maps of true labels and of the empty building.
+    pub cells: Cells,
 }
 
 /// Shares from 0 to 1.
@@ -143,6 +146,7 @@ impl Labels {
             right: self.walls(map).count(),
             places: visible.len(),
             found: visible.iter().filter(|place| near(place, &map.occupied)).count(),
+            cells: Cells::count(map, before, oracle, reference, self.size),
             ..Tally::default()
         }
     }
@@ -183,6 +187,7 @@ impl Tally {
             withheld_walkers: self.withheld_walkers + other.withheld_walkers,
             withheld: self.withheld + other.withheld,
             echoes: self.echoes + other.echoes,
+            cells: self.cells.with(&other.cells),
         }
     }
 

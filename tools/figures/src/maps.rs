@@ -1,9 +1,8 @@
 //! Fig. 10: the map of a hall with people in it, without and with the filter.
 
-use evaluate::{Chain, Drive, Eyes, filter, mapped};
+use evaluate::{CameraSetup, Chain, Drive, filter, mapped};
 use mapping::Mapper;
 use messages::Layer;
-use simulator::blobs::Failings;
 use simulator::{Body, Optics};
 
 use crate::detection::optics;
@@ -51,9 +50,9 @@ pub(crate) fn figure() -> Result<String, Error> {
 fn drive() -> Result<(Drive, Mapper), Error> {
     let world = world_file::parse("hall.toml", HALL)?;
     let optics = Optics { interval_ns: 66_666_667, ..optics() };
-    let eyes = Eyes { optics, failings: Failings::default() };
+    let camera = CameraSetup::new(optics);
     let chain = Chain::default();
-    let drive = Drive::through(&world, &Body::of(&psos::MODELS[0]), chain.fti.range_limit_m, Some(&eyes), SEED);
+    let drive = Drive::through(&world, &Body::of(&psos::MODELS[0]), chain.fti.range_limit_m, Some(&camera), SEED);
     let mapper = mapped(&drive, &chain.mapping, &filter(&drive, &chain)?.verdicts)?;
     Ok((drive, mapper))
 }

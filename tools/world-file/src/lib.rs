@@ -1,10 +1,15 @@
-//! World files of the simulator: TOML into a [`World`].
+//! World files of the simulator: TOML into a [`World`], and random worlds.
 //!
 //! The simulator itself reads no files, so that it is built without a parser.
+
+#![cfg_attr(test, allow(clippy::unwrap_used, reason = "tests fail by panicking"))]
+
+mod generate;
 
 use std::path::Path;
 
 use document::{DocumentError, Fault};
+pub use generate::random_world;
 use simulator::World;
 
 /// Reads a world from TOML text; `file` is the name of the text in errors.

@@ -1,0 +1,61 @@
+//! A deployment in one process: a drive, the processes' answers and their score.
+
+use simulator::{Body, Optics, World};
+
+use crate::drive::{CameraSetup, Drive};
+use crate::judge::{Chain, FilterError, Outcome, filter};
+use crate::trial::{Trial, reference};
+
+/// Robot, camera and algorithms of a simulated deployment.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The robot.
+    pub body: Body,
+    /// Readings from this range on are no echo, m.
+    pub range_limit_m: f64,
+    /// The camera; `None` with sonars only.
+    pub camera: Option<CameraSetup>,
+    /// STD, FTI and the mapper.
+    pub chain: Chain,
+}
+
+/// A drive with its score.
+#[derive(Debug, Clone)]
+pub struct Driven {
+    /// What the sensors gave.
+    pub drive: Drive,
+    /// What STD and FTI answered.
+    pub outcome: Outcome,
+    /// The score.
+    pub trial: Trial,
+}
+
+impl Setup {
+    /// The default parameters of everything.
+    #[must_use]
+    pub fn new(body: Body) -> Self {
+        let chain = Chain::default();
+        Self { body, range_limit_m: chain.fti.range_limit_m, camera: Some(CameraSetup::new(Optics::default())), chain }
+    }
+
+    /// The same with sonars only.
+    #[must_use]
+    pub fn without_camera(mut self) -> Self {
+        self.camera = None;
+        self.chain.fti.camera = None;
+        self
+    }
+
+    /// Drives through a world, runs the algorithms and scores the map, also against that of the same drive without walkers.
+    ///
+    /// # Errors
+    /// Parameters that an algorithm refuses.
+    pub fn run(&self, world: &World, seed: u64) -> Result<Driven, FilterError> {
+        let drive = Drive::through(world, &self.body, self.range_limit_m, self.camera.as_ref(), seed);
+        let outcome = filter(&drive, &self.chain)?;
+        let empty = World { walkers: Vec::new(), ..world.clone() };
+        let empty = Drive::through(&empty, &self.body, self.range_limit_m, None, seed);
+        let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, &self.chain.mapping)?), &self.chain)?;
+        Ok(Driven { drive, outcome, trial })
+    }
+}
