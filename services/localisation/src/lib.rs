@@ -13,11 +13,21 @@
 //! The service is a fold: [`Localisation::step`] answers every scan with the odometry's frame in the map, and the whole state can be
 //! written and read back. Poses of scans that have left the commit horizon go into the map; a [`Revision`] corrects them later.
 
+mod adjustment;
 mod answer;
+mod closure;
+mod envelope;
+mod fit;
+mod graph;
 mod horizon;
 mod localisation;
+mod noise;
 mod parameters;
+mod revision;
+mod rigid;
+mod runs;
 mod state;
+mod tracking;
 
 pub use answer::{Answer, Calibration, Closure, Moved, Revision, Smoothed, Status, Wall};
 pub use localisation::Localisation;

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 use state::{DecodeError, decode, encode};
 
 use crate::horizon::Horizon;
-use crate::localisation::Localisation;
+use crate::localisation::{Localisation, Waiting};
 use crate::parameters::{Parameters, ParametersError};
+use crate::tracking::Tracking;
 
 /// Bytes that are no state of this version.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -16,6 +17,9 @@ pub enum StateError {
     /// They are of another version or damaged.
     #[error(transparent)]
     Bytes(#[from] DecodeError),
+    /// A number names a node, an echo or a line that there is not.
+    #[error("the state names a node, an echo or a line that it does not have")]
+    Inconsistent,
     /// The parameters it is restored with.
     #[error(transparent)]
     Parameters(#[from] ParametersError),
@@ -23,24 +27,35 @@ pub enum StateError {
 
 #[derive(Serialize, Deserialize, Schema)]
 struct State<'a> {
-    horizon: Cow<'a, Horizon<[f64; 3]>>,
+    revisions: u32,
+    horizon: Cow<'a, Horizon<Waiting>>,
+    tracking: Cow<'a, Tracking>,
 }
 
 impl Localisation {
     /// The whole state.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        encode(&State { horizon: Cow::Borrowed(&self.horizon) }, Vec::new())
+        let (horizon, tracking) = (Cow::Borrowed(&self.horizon), Cow::Borrowed(&self.tracking));
+        encode(&State { revisions: self.revisions, horizon, tracking }, Vec::new())
     }
 
-    /// A service that resumes from a state.
+    /// A service that resumes from a state. What was being computed beside the scans is computed again, which may take as long as
+    /// it had taken.
     ///
     /// # Errors
     /// Bytes of another version or damaged ones; parameters out of range.
     pub fn from_bytes(parameters: Parameters, bytes: &[u8]) -> Result<Self, StateError> {
-        let state: State<'_> = decode(bytes)?;
+        let State { revisions, horizon, tracking } = decode(bytes)?;
         let mut localisation = Self::new(parameters)?;
-        localisation.horizon = state.horizon.into_owned();
+        localisation.revisions = revisions;
+        localisation.horizon = horizon.into_owned();
+        localisation.tracking = tracking.into_owned();
+        if !localisation.tracking.is_consistent() {
+            return Err(StateError::Inconsistent);
+        }
+        let model = localisation.model();
+        localisation.tracking.redo(&model);
         Ok(localisation)
     }
 }
