@@ -6,7 +6,7 @@ use crate::chunk::unpack;
 use crate::damage::WriteError;
 use crate::deframer::{MAGIC, opcode, split_record};
 use crate::fields::Fields;
-use crate::part::position;
+use crate::message_reader::position;
 use crate::records::Channel;
 use crate::writer::{LogWriter, Times};
 

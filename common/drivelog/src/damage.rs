@@ -31,6 +31,11 @@ fn program(library: &str, profile: &str) -> String {
     printable(&format!("{library}{profile}")).into_owned()
 }
 
+/// What reads a recording of this profile.
+fn advice(profile: &str) -> &'static str {
+    if profile == "ros2" { "; `stillmap log import --format ros2` makes one of it" } else { "" }
+}
+
 /// The reason that a file is not read as a log.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
@@ -47,7 +52,7 @@ pub enum Fault {
         offset: u64,
     },
     /// A sound MCAP file without the settings and the description of a run.
-    #[error("recorded by {}: not a stillmap log", program(library, profile))]
+    #[error("recorded by {}: not a stillmap log{}", program(library, profile), advice(profile))]
     Foreign {
         /// The library that has written the file, as its header says.
         library: String,
@@ -75,6 +80,22 @@ pub enum Fault {
         sequence: u32,
         /// What is wrong with it.
         source: DecodeError,
+    },
+    /// A topic that was asked for and the log lacks.
+    #[error("has no topic {topic:?}, its topics are {present}")]
+    NoTopic {
+        /// The topic.
+        topic: String,
+        /// What the log has.
+        present: String,
+    },
+    /// A piece of another run than those before it.
+    #[error("is of run {run:016x}, expected {expected:016x} as the first")]
+    OtherRun {
+        /// Its run.
+        run: u64,
+        /// The run of the first piece.
+        expected: u64,
     },
     /// A line of a file that is imported.
     #[error("line {line}: found {found}, expected {expected}")]
@@ -105,6 +126,11 @@ impl LogError {
     pub(crate) fn at<F: Into<Fault>>(path: &Path) -> impl FnOnce(F) -> Self {
         let path = path.to_owned();
         move |fault| Self { path, fault: Box::new(fault.into()) }
+    }
+
+    /// The error of a message that does not go into the log at `path`.
+    pub fn writing(path: &Path) -> impl FnOnce(WriteError) -> Self {
+        Self::at(path)
     }
 }
 

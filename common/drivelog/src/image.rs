@@ -53,19 +53,22 @@ impl Image {
         out.extend(Message::encode_to_vec(&Rest { seq }));
         out
     }
-}
 
-/// The sequence number and the picture, whose bytes fit its shape.
-pub(crate) fn decode(data: &[u8]) -> Result<(u64, Image), DecodeError> {
-    let image = <RawImage as Decode>::decode(data)?;
-    let rest = <Rest as Message>::decode(data)?;
-    let Some((format, _)) = ENCODINGS.iter().find(|(_, word)| *word == image.encoding) else {
-        return Err(DecodeError::Encoding(image.encoding));
-    };
-    let layout = FrameLayout { width: image.width, height: image.height, stride: image.step, format: *format as u32 };
-    layout.validate(image.data.len())?;
-    if rest.seq == 0 {
-        return Err(DecodeError::Unnumbered(" in the field 1001 of the picture"));
+    /// The sequence number and the picture, whose bytes fit its shape.
+    ///
+    /// # Errors
+    /// When the bytes are not those of such a message.
+    pub fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError> {
+        let image = <RawImage as Decode>::decode(data)?;
+        let rest = <Rest as Message>::decode(data)?;
+        let Some((format, _)) = ENCODINGS.iter().find(|(_, word)| *word == image.encoding) else {
+            return Err(DecodeError::Encoding(image.encoding));
+        };
+        let layout = FrameLayout { width: image.width, height: image.height, stride: image.step, format: *format as u32 };
+        layout.validate(image.data.len())?;
+        if rest.seq == 0 {
+            return Err(DecodeError::Unnumbered(" in the field 1001 of the picture"));
+        }
+        Ok((rest.seq, Image { layout, bytes: image.data.into() }))
     }
-    Ok((rest.seq, Image { layout, bytes: image.data.into() }))
 }

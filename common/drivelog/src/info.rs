@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use messages::{printable, seconds};
+use serde_json::{Map, Value, json};
 
 use crate::damage::LogError;
 use crate::ending::Ending;
@@ -98,6 +99,32 @@ impl Info {
         self.damage_count == 0
             && self.gaps.is_empty()
             && self.parts.iter().all(|part| !matches!(part.outcome, Outcome::Read(Ending::Cut { .. }) | Outcome::Empty))
+    }
+}
+
+impl Info {
+    /// The same as [`Display`](fmt::Display), for programs.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let file = |part: &Part| json!({ "path": part.path.to_string_lossy(), "bytes": part.bytes, "outcome": part.outcome.to_string() });
+        let topic = |(topic, channel): (&String, &ChannelInfo)| {
+            let ChannelInfo { schema, messages, first_ns, last_ns } = channel;
+            (topic.clone(), json!({ "schema": schema, "messages": messages, "first_ns": first_ns, "last_ns": last_ns }))
+        };
+        json!({
+            "run": format!("{:016x}", self.preamble.run),
+            "origin": self.preamble.origin,
+            "robot": self.preamble.robot,
+            "sonars": self.preamble.sonars.len(),
+            "first_ns": self.span_ns().map(|(first_ns, _)| first_ns),
+            "last_ns": self.span_ns().map(|(_, last_ns)| last_ns),
+            "files": self.parts.iter().map(file).collect::<Vec<_>>(),
+            "topics": self.channels.iter().map(topic).collect::<Map<_, _>>(),
+            "damage_count": self.damage_count,
+            "damages": self.damages.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "missing": self.gaps.lines(),
+            "complete": self.is_complete(),
+        })
     }
 }
 

@@ -3,6 +3,7 @@
 
 mod carry;
 mod chunk;
+mod csv;
 mod damage;
 #[cfg(test)]
 mod damage_tests;
@@ -18,6 +19,9 @@ mod json;
 mod line;
 mod log;
 mod logged;
+mod mcap_reader;
+mod merge;
+mod message_reader;
 mod numbers;
 mod part;
 mod parts;
@@ -26,10 +30,12 @@ mod recording;
 mod records;
 mod recover;
 mod robond;
+mod select;
 mod tile;
 mod views;
 mod writer;
 
+pub use csv::{Tables, export_csv};
 pub use damage::{Damage, Fault, LogError, WriteError};
 pub use decode_error::DecodeError;
 pub use ending::Ending;
@@ -38,12 +44,15 @@ pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
 pub use log::{Entry, Log, Outcome, Part, Step};
 pub use logged::{Format, LogVisitor, Logged, foxglove_format, visit_logged};
-pub use part::RawMessage;
+pub use mcap_reader::McapReader;
+pub use merge::merge;
+pub use message_reader::RawMessage;
 pub use parts::{following_parts, part_path};
 pub use preamble::Preamble;
 pub use recording::{Recording, Scene};
 pub use records::Channel;
 pub use recover::{Recovered, recover};
 pub use robond::{Imported, import_robond};
+pub use select::{Selection, select};
 pub use tile::timestamp;
 pub use views::{MapView, PoseView};

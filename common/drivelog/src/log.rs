@@ -10,10 +10,11 @@ use crate::damage::{Fault, LogError};
 use crate::decode_error::DecodeError;
 use crate::ending::Ending;
 use crate::gaps::Gaps;
-use crate::image::{self, Image};
+use crate::image::Image;
 use crate::logged::Logged;
+use crate::message_reader::RawMessage;
 use crate::numbers::Numbers;
-use crate::part::{PartReader, RawMessage};
+use crate::part::PartReader;
 use crate::parts::{following_parts, is_later_part};
 use crate::preamble::Preamble;
 use crate::views::PoseView;
@@ -192,7 +193,7 @@ impl Log {
     /// # Errors
     /// When something cannot be read; the next call continues behind it.
     pub fn step_picture<P: Pictures>(&mut self) -> Result<Step<Image>, LogError> {
-        self.step_on(P::SERVICE.name, image::decode)
+        self.step_on(P::SERVICE.name, Image::decode)
     }
 
     fn step_on<T>(&mut self, service: &str, decode: impl Fn(&[u8]) -> Result<(u64, T), DecodeError>) -> Result<Step<T>, LogError> {
@@ -290,7 +291,8 @@ impl Log {
         !is_sequenced(topic) || numbers.take(topic, message.sequence, *number == 1)
     }
 
-    fn fault(&self, source: DecodeError) -> LogError {
+    /// The error of the current message.
+    pub(crate) fn fault(&self, source: DecodeError) -> LogError {
         let path = self.current.as_ref().map(|current| current.path.clone()).unwrap_or_default();
         let (offset, topic, sequence) = match self.message() {
             Some(message) => (message.offset, message.channel.topic.clone(), message.sequence),
@@ -319,7 +321,7 @@ fn add_range(ranges: &mut Vec<(u32, u32)>, before: u32, behind: u32) {
 }
 
 /// Whether the messages of a topic are one numbered stream.
-fn is_sequenced(topic: &str) -> bool {
+pub(crate) fn is_sequenced(topic: &str) -> bool {
     topic == PoseView::TOPIC || Service::named(topic).is_some_and(|service| service.sequenced)
 }
 

@@ -1,79 +1,24 @@
 //! One file of a log, read from its start.
 
-use std::collections::BTreeMap;
 use std::io::{Read, Seek};
-use std::ops::Range;
 
-use crate::chunk::unpack;
-use crate::damage::{Damage, Fault};
-use crate::deframer::{opcode, split_record};
+use crate::damage::Fault;
 use crate::ending::Ending;
-use crate::fields::Fields;
 use crate::head::Head;
-use crate::preamble::{CONTINUED, Preamble};
-use crate::records::{Channel, Record, RecordReader, Schema, channel, damage, named_texts, schema};
-
-/// A message as the file has it.
-#[derive(Debug, Clone, Copy)]
-pub struct RawMessage<'a> {
-    /// Its channel.
-    pub channel: &'a Channel,
-    /// Low 32 bits of its sequence number.
-    pub sequence: u32,
-    /// Its stamp.
-    pub stamp_ns: u64,
-    /// Its place on the log's time line: the stamp if that is sensor time, else the sensor time when it was recorded.
-    pub log_ns: u64,
-    /// The message.
-    pub data: &'a [u8],
-    /// Where the chunk that holds it starts in the file.
-    pub offset: u64,
-}
+use crate::message_reader::{MessageReader, RawMessage};
+use crate::preamble::Preamble;
 
 /// Reads the messages of one file in the order in which they were written.
 pub(crate) struct PartReader<R> {
-    records: RecordReader<R>,
     head: Head,
-    /// Another part follows.
-    continues: bool,
-    /// Messages have been found in chunks.
-    has_chunks: bool,
-    schemas: BTreeMap<u16, Schema>,
-    channels: BTreeMap<u16, Channel>,
-    /// The records of the current chunk.
-    chunk: Vec<u8>,
-    cursor: usize,
-    chunk_offset: u64,
-    /// The current message.
-    message: Option<Position>,
-}
-
-/// A message in the current chunk.
-pub(crate) struct Position {
-    pub(crate) channel: u16,
-    pub(crate) sequence: u32,
-    pub(crate) log_ns: u64,
-    pub(crate) stamp_ns: u64,
-    pub(crate) data: Range<usize>,
+    messages: MessageReader<R>,
 }
 
 impl<R: Read + Seek> PartReader<R> {
     /// Reads the settings and the description of the run.
     pub(crate) fn new(source: R) -> Result<Self, Fault> {
         let (head, records) = Head::read(source)?;
-        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Self {
-            records,
-            head,
-            continues: false,
-            has_chunks: false,
-            schemas,
-            channels,
-            chunk: Vec::new(),
-            cursor: 0,
-            chunk_offset: 0,
-            message: None,
-        })
+        Ok(Self { head, messages: MessageReader::new(records) })
     }
 
     pub(crate) fn preamble(&self) -> &Preamble {
@@ -87,112 +32,29 @@ impl<R: Read + Seek> PartReader<R> {
 
     /// Whether the file says that another part follows. It says so at its end.
     pub(crate) fn continues(&self) -> bool {
-        self.continues
+        self.messages.continues()
     }
 
     /// Bytes of the file that have been read.
     pub(crate) fn offset(&self) -> u64 {
-        self.records.offset()
+        self.messages.offset()
     }
 
     /// How the file ends; none before its end was reached.
     pub(crate) fn ending(&self) -> Option<&Ending> {
-        self.records.ending()
+        self.messages.ending()
     }
 
-    /// Makes the next message the current one; false at the end of what can be read.
+    /// Makes the next message the current one, as [`MessageReader::advance`].
     ///
     /// # Errors
-    /// [`Fault::Damaged`] when a chunk cannot be read; the next call continues behind it, if that can be found.
+    /// As [`MessageReader::advance`].
     pub(crate) fn advance(&mut self) -> Result<bool, Fault> {
-        self.message = None;
-        while self.message.is_none() {
-            if self.next_in_chunk()? {
-                continue;
-            }
-            let Some(record) = self.records.next()? else { return Ok(false) };
-            self.open(record)?;
-        }
-        Ok(true)
+        self.messages.advance()
     }
 
     /// The current message.
     pub(crate) fn message(&self) -> Option<RawMessage<'_>> {
-        let Position { channel, sequence, log_ns, stamp_ns, data } = self.message.as_ref()?;
-        let channel = self.channels.get(channel)?;
-        let data = self.chunk.get(data.clone())?;
-        Some(RawMessage { channel, sequence: *sequence, stamp_ns: *stamp_ns, log_ns: *log_ns, data, offset: self.chunk_offset })
+        self.messages.message()
     }
-
-    /// Makes the records of a chunk the current ones, or a record that stands by itself.
-    fn open(&mut self, record: Record) -> Result<(), Damage> {
-        self.chunk_offset = record.offset;
-        self.cursor = 0;
-        self.chunk.clear();
-        match record.opcode {
-            opcode::CHUNK => {
-                self.has_chunks = true;
-                self.chunk = unpack(record.offset, &record.body).inspect_err(|_| self.records.distrust())?;
-            }
-            // Other tools write logs without chunks. Beside chunks a message is another record with a changed bit, and has no checksum.
-            opcode::MESSAGE if self.has_chunks => return Err(damage(&record, "a message by itself", "messages in chunks")),
-            opcode::SCHEMA | opcode::CHANNEL | opcode::MESSAGE if !self.has_chunks => {
-                self.chunk.push(record.opcode);
-                self.chunk.extend((record.body.len() as u64).to_le_bytes());
-                self.chunk.extend(record.body);
-            }
-            opcode::METADATA => self.continues |= named_texts(&record.body).is_some_and(|(name, _)| name == CONTINUED),
-            // The index of what was read.
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Makes the next message of the current chunk the current one; false when there is none.
-    fn next_in_chunk(&mut self) -> Result<bool, Damage> {
-        while self.cursor < self.chunk.len() {
-            let Some((opcode, body, rest)) = split_record(&self.chunk[self.cursor..]) else {
-                return Err(self.give_up("half a record"));
-            };
-            let end = self.chunk.len() - rest.len();
-            let mut fields = Fields(body);
-            let understood = match opcode {
-                opcode::SCHEMA => schema(&mut fields).map(|(id, schema)| {
-                    self.schemas.insert(id, schema);
-                }),
-                opcode::CHANNEL => channel(&mut fields, &self.schemas).map(|(id, channel)| {
-                    self.channels.insert(id, channel);
-                }),
-                opcode::MESSAGE => position(&mut fields, end).map(|message| self.message = Some(message)),
-                _ => Some(()),
-            };
-            if understood.is_none() {
-                return Err(self.give_up(&format!("a record of type {opcode:#04x} that does not fit its length")));
-            }
-            self.cursor = end;
-            if let Some(message) = &self.message {
-                if self.channels.contains_key(&message.channel) {
-                    return Ok(true);
-                }
-                let found = format!("a message of channel {}", message.channel);
-                return Err(self.give_up(&found));
-            }
-        }
-        Ok(false)
-    }
-
-    /// Leaves the rest of the current chunk.
-    fn give_up(&mut self, found: &str) -> Damage {
-        self.cursor = self.chunk.len();
-        self.message = None;
-        let expected = "complete records of schemas and channels, and messages of these channels".to_owned();
-        Damage { offset: self.chunk_offset, found: format!("in the chunk there, {found}"), expected, skipped: 0 }
-    }
-}
-
-/// A message whose bytes reach up to `end` of the chunk.
-pub(crate) fn position(fields: &mut Fields<'_>, end: usize) -> Option<Position> {
-    let (channel, sequence) = (fields.u16()?, fields.u32()?);
-    let (log_ns, stamp_ns) = (fields.u64()?, fields.u64()?);
-    Some(Position { channel, sequence, log_ns, stamp_ns, data: end - fields.0.len()..end })
 }

@@ -7,10 +7,11 @@ use std::path::Path;
 use crate::damage::{Fault, LogError};
 use crate::gaps::Gaps;
 use crate::log::Log;
+use crate::message_reader::RawMessage;
 use crate::writer::{LogWriter, Times};
 
 /// The result of a recovery.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Recovered {
     /// Messages in the new log.
     pub messages: u64,
@@ -30,20 +31,21 @@ pub struct Recovered {
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
     let mut log = Log::open(from)?;
     let mut file = File::create_new(to).map_err(LogError::at(to))?;
-    copy(&mut log, &mut file).map_err(|fault| {
+    copy(&mut log, &mut file, &mut |_| true).map_err(|fault| {
         // The first failure is the one to tell.
         let _ = fs::remove_file(to);
         LogError::at(to)(fault)
     })
 }
 
-fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
+/// Copies the messages of a log that `is_chosen` accepts.
+pub(crate) fn copy(log: &mut Log, file: &mut File, is_chosen: &mut dyn FnMut(&RawMessage<'_>) -> bool) -> Result<Recovered, Fault> {
     let mut writer = LogWriter::new(log.preamble(), 1)?;
-    let mut recovered = Recovered { messages: 0, bytes: 0, damages: Vec::new(), gaps: Gaps::default() };
+    let mut recovered = Recovered::default();
     loop {
         match log.advance() {
             Ok(true) => {
-                let Some(message) = log.message() else { continue };
+                let Some(message) = log.message().filter(|message| is_chosen(message)) else { continue };
                 let format = || message.channel.format.clone();
                 let times = Times { log_ns: message.log_ns, stamp_ns: message.stamp_ns };
                 writer.raw(&message.channel.topic, format, times, message.sequence, message.data)?;
@@ -59,7 +61,7 @@ fn copy(log: &mut Log, file: &mut File) -> Result<Recovered, Fault> {
     Ok(recovered)
 }
 
-fn append(file: &mut File, bytes: &[u8]) -> Result<u64, Fault> {
+pub(crate) fn append(file: &mut File, bytes: &[u8]) -> Result<u64, Fault> {
     file.write_all(bytes)?;
     Ok(bytes.len() as u64)
 }

@@ -19,6 +19,8 @@ const SCANS: u64 = 50;
 struct Form {
     chunks: bool,
     compression: Option<Compression>,
+    /// Chunks and the data have checksums.
+    checksums: bool,
     /// Messages come before settings and description.
     messages_first: bool,
     /// The description comes before the settings, each among records of other names.
@@ -43,6 +45,7 @@ fn recorded() -> Vec<u8> {
 /// The same log in another form.
 fn rewritten(log: &[u8], form: Form) -> Vec<u8> {
     let options = WriteOptions::new().use_chunks(form.chunks).compression(form.compression).chunk_size(Some(4096));
+    let options = options.calculate_chunk_crcs(form.checksums).calculate_data_section_crc(form.checksums);
     let mut writer = options.library("a test").create(Cursor::new(Vec::new())).unwrap();
     let summary = mcap::Summary::read(log).unwrap().unwrap();
     let attachment = mcap::read::attachment(log, &summary.attachment_indexes[0]).unwrap();
@@ -98,9 +101,12 @@ fn a_log_is_read_in_every_form_that_tools_write() {
     let log = recorded();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
-    for (chunks, compression) in [(true, None), (true, Some(Compression::Lz4)), (false, None)] {
+    let lz4 = Some(Compression::Lz4);
+    for (chunks, compression, checksums) in
+        [(true, None, true), (true, None, false), (true, lz4, true), (true, lz4, false), (false, None, true)]
+    {
         for (messages_first, description_first) in [(false, false), (false, true), (true, false), (true, true)] {
-            let form = Form { chunks, compression, messages_first, description_first };
+            let form = Form { chunks, compression, checksums, messages_first, description_first };
             std::fs::write(&path, rewritten(&log, form)).unwrap();
             assert_eq!(scans(&path), (1..=SCANS).collect::<Vec<_>>());
             let summary = info(&path).unwrap();
@@ -114,7 +120,11 @@ fn a_recording_of_another_program_is_told_by_its_library() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bag.mcap");
     for (profile, library, expected) in [
-        ("ros2", "libmcap 1.3.0", "recorded by libmcap 1.3.0 with profile ros2: not a stillmap log"),
+        (
+            "ros2",
+            "libmcap 1.3.0",
+            "recorded by libmcap 1.3.0 with profile ros2: not a stillmap log; `stillmap log import --format ros2` makes one of it",
+        ),
         ("", "rosbag2 \u{1b}[31m", "recorded by rosbag2 \\u{1b}[31m: not a stillmap log"),
         ("", "", "recorded by an unnamed program: not a stillmap log"),
     ] {
@@ -139,7 +149,7 @@ fn a_recording_of_another_program_is_told_by_its_library() {
 fn a_head_behind_a_damaged_chunk_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("drive.mcap");
-    let form = Form { chunks: true, compression: Some(Compression::Lz4), messages_first: true, description_first: false };
+    let form = Form { chunks: true, compression: Some(Compression::Lz4), checksums: true, messages_first: true, description_first: false };
     let mut bytes = rewritten(&recorded(), form);
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let chunk = summary.chunk_indexes[1].chunk_start_offset as usize;
