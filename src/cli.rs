@@ -60,7 +60,7 @@ pub(crate) enum Command {
     Inject(InjectArgs),
     /// Scores results against the truth: the maps of simulated drives, or camera masks
     Evaluate(EvaluateArgs),
-    /// Describes, recovers or imports logs
+    /// Describes, cuts, merges, recovers, imports or exports logs
     #[command(subcommand)]
     Log(LogCommand),
     /// Makes a random world for the simulator

@@ -66,6 +66,7 @@ fn blames_input(error: &(dyn std::error::Error + 'static)) -> bool {
     error.is::<BadInput>()
         || error.is::<document::DocumentError>()
         || error.is::<drivelog::LogError>()
+        || error.is::<ros2::BagError>()
         || error.is::<mapping::ParametersError>()
 }
 

@@ -4,7 +4,7 @@ use messages::Pose;
 use simulator::Body;
 
 /// Poses of the sonars in the robot frame: those of the settings, or else those of the model.
-pub(super) fn sonars(robot: &settings::Robot) -> Vec<Pose> {
+pub(crate) fn sonars(robot: &settings::Robot) -> Vec<Pose> {
     let own = robot.sonar.iter();
     let own = own.map(|it| Pose { x_m: it.x_m.get(), y_m: it.y_m.get(), yaw_rad: it.heading_deg.get().to_radians() });
     if !robot.sonar.is_empty() {
