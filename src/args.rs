@@ -4,6 +4,7 @@ use crate::exit::BadInput;
 use clap::Args;
 use std::ffi::OsString;
 use std::fmt::{Display, Formatter};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -32,6 +33,13 @@ pub(crate) struct Which {
 pub(crate) struct NumberRange {
     pub(crate) first: u64,
     pub(crate) last: u64,
+}
+
+impl NumberRange {
+    /// The numbers in ascending order.
+    pub(crate) fn numbers(self) -> RangeInclusive<u64> {
+        self.first..=self.last
+    }
 }
 
 impl FromStr for NumberRange {

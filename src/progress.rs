@@ -72,6 +72,12 @@ pub(crate) fn of_bytes(bars: &MultiProgress, total: u64) -> ProgressBar {
     bars.add(ProgressBar::new(total)).with_style(bar_style())
 }
 
+/// A bar for drives that are simulated; it is hidden without a terminal.
+pub(crate) fn of_drives(bars: &MultiProgress, total: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:32} {pos} of {len} drives, {eta} left").unwrap_or_else(|_| ProgressStyle::default_bar());
+    bars.add(ProgressBar::new(total)).with_style(style)
+}
+
 pub(crate) fn counter(process: &ProcessStatus, name: &str) -> Option<u64> {
     let counters = process.counters.iter().take(process.counters_count as usize);
     counters.into_iter().find(|counter| counter.name.as_str() == name).map(|counter| counter.value)

@@ -5,10 +5,10 @@ use serde_json::Value;
 use crate::harness::processes::kill;
 use crate::harness::{Deployment, OCCUPIED, PgmMap, Run, Sandbox, is_running, worlds};
 
-/// Starts the demo's deployment with camera motion made from the truth and with patience: a busy machine changes nothing then, since no
-/// picture is skipped and no verdict is given before all that it rests on has arrived.
+/// Starts the demo's deployment with patience: a busy machine changes nothing then, since the simulated world waits for SBS and no verdict
+/// is given before all that it rests on has arrived.
 fn start(sandbox: &Sandbox) -> Run {
-    let demo = Deployment::demo().without("sbs").without("viewer").set("simulator.camera.provides", "motion");
+    let demo = Deployment::demo().without("viewer");
     sandbox.run(&demo.set("fti.patience_s", 10), &["--speed", "4"])
 }
 
@@ -30,13 +30,14 @@ fn world(name: &str) -> String {
     worlds::path(name).to_str().unwrap().to_owned()
 }
 
-/// The demo's drive in one process, where every stamp is the same each time.
+/// The demo's drive in one process, where every stamp is the same each time. All ghosts are removed, for 6.43 % of the walls: the figure
+/// may only improve.
 #[test]
 fn the_demo_removes_ghosts_and_keeps_walls() {
     let figures = swept(&Sandbox::new(), &[&world("hall"), "--seeds", "1..1"]);
     let share = |key: &str| figures[key].as_f64().unwrap_or_else(|| panic!("{key} in {figures}"));
     assert!(figures["ghosts_before"].as_u64() > Some(40), "{figures}");
-    assert!(share("ghosts_removed") > 0.7 && share("walls_lost") < 0.03 && share("f1") > 0.7, "{figures}");
+    assert!(share("ghosts_removed") > 0.95 && share("walls_lost") < 0.065 && share("f1") > 0.7, "{figures}");
 }
 
 /// The map frame begins where the robot does: at (1.0, 2.2) of the hall.

@@ -6,6 +6,7 @@ mod comparison;
 mod recording;
 mod report;
 mod sweep;
+mod table;
 
 use crate::output;
 use camera::CameraArgs;
@@ -19,20 +20,27 @@ use sweep::DriveArgs;
 /// The columns of the table, explained at the end of the long help.
 const COLUMNS: &str = "\
 Columns of the table, which has a row for each world and number of walkers:
-  walkers     Number of walkers; `file` is the number in the world file.
-  drives      Number of drives. Counts are summed over the drives of a row.
-  ghosts      Ghost cells of the unfiltered map -> of the filtered map. A ghost cell is occupied,
-              within 0.55 m of a walker's path, farther than 0.1 m from every surface, and not
-              occupied in the map of the same drive without walkers.
-  removed     Share of the ghost cells that the filter removed.
-  walls lost  Share of the wall cells that are missing, of those that perfect verdicts would keep.
-  vs empty    The same, of those in the map of the same drive without walkers.
-  F1          Harmonic mean of precision and recall of the occupied cells against the surfaces.
-  STD         Motion detection by sonar: precision and recall over the echoes of walkers, and
-              false alarms per minute.
-  track       Median distance of a walker within 3 m of the robot from the nearest track.
+  walkers   Number of walkers; `file` is the number in the world file.
+  drives    Number of drives. Counts are summed over the drives of a row.
+  ghosts    Cells that walkers caused, without -> with the filter: they are occupied without the
+            filter, but not with true labels of all echoes.
+  removed   Share of these that the filter removed.
+  lost      Share of the occupied cells of the true-label map that the filter lost.
+  worst     The same of the worst drive, with its seed.
+  net       Change of the number of cells that differ from the true-label map: -100 % is the
+            true-label map; above 0 the map is better without the filter.
+  IoU       Intersection over union of the occupied cells with those of the map of the same drive
+            without walkers, with a tolerance of one cell, without -> with the filter.
+  blocked   Share of the places that a robot of 0.25 m reaches in the empty building and not in
+            the map, without -> with the filter.
+  F1        Harmonic mean of precision and recall of the occupied cells against the surfaces.
+  SA/DA/AA  Static accuracy: share of the echoes of still things that enter the map. Dynamic
+            accuracy: share of the echoes of walkers that do not. Associated accuracy: the
+            geometric mean of both.
+  STD       Motion detection by sonar: precision and recall over the echoes of walkers, and
+            false alarms per minute.
 
-Without --world, RUN must be the log of a simulated deployment: the truth is read from it.";
+Without --world and --random, RUN is the log of a simulated deployment: the truth is read from it.";
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, after_long_help = COLUMNS)]
@@ -55,7 +63,7 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
     let report = match (&options.command, &drives.run) {
         (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
         (None, Some(run)) => {
-            let scored = recording::score(run)?;
+            let scored = recording::score(run, drives.replay)?;
             if let Some(folder) = &drives.out {
                 let path = write_comparison(folder, &scored.trial)?;
                 tracing::info!("wrote {}", path.display());
@@ -79,7 +87,7 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
 
 /// Scores the log of a drive that has ended and adds the walkers' paths to its comparison; the figures in a line.
 pub(crate) fn score_run(folder: &Path, log: &Path) -> anyhow::Result<String> {
-    let scored = recording::score(log)?;
+    let scored = recording::score(log, false)?;
     write_comparison(folder, &scored.trial)?;
     Ok(report::sentence(&scored.trial))
 }

@@ -1,12 +1,13 @@
-//! Scores the drive of a log.
+//! Scores the drive of a log, or what the present filter makes of it.
 
 use super::chain::chain;
 use crate::exit::BadInput;
-use crate::process::robot;
+use crate::process::{robot, sbs};
 use crate::replay::recorded_settings;
-use drivelog::{Entry, Log, Logged};
-use evaluate::{Chain, Drive, Numbered, Occupancy, Recorded, Trial, reference};
-use settings::Settings;
+use drivelog::{Entry, Image, Log, Logged};
+use evaluate::{Chain, Drive, Frame, Numbered, Occupancy, Recorded, Trial, filter, reference};
+use messages::{CameraFrame, CameraMotion};
+use settings::{BuiltIn, Settings};
 use simulator::World;
 use std::path::Path;
 
@@ -21,14 +22,18 @@ pub(crate) struct Scored {
     pub(crate) with_reference: bool,
 }
 
-/// Scores a run, given its log or its folder.
-pub(crate) fn score(run: &Path) -> anyhow::Result<Scored> {
+/// Scores a run, given its log or its folder: the recorded verdicts, or those of a replay in this process.
+pub(crate) fn score(run: &Path, replay: bool) -> anyhow::Result<Scored> {
     let log = if run.is_dir() { run.join(LOG) } else { run.to_owned() };
     let text = Log::open(&log)?.preamble().settings.clone();
     let settings = recorded_settings(&log, &text)?;
     let recorded = read(&log)?;
-    let (drive, outcome) = recorded.assemble().map_err(|error| BadInput(format!("{}: {error}", log.display())))?;
+    let (mut drive, mut outcome) = recorded.assemble().map_err(|error| BadInput(format!("{}: {error}", log.display())))?;
     let chain = chain(&settings);
+    if replay {
+        drive.frames = if settings.recorder.pictures && settings.runs(BuiltIn::Sbs) { frames(&log, &settings)? } else { motions(&log)? };
+        outcome = filter(&drive, &chain)?;
+    }
     let reference = without_walkers(&log, &settings, &chain)?;
     let trial = Trial::judge(&drive, &outcome, reference.as_ref(), &chain)?;
     Ok(Scored { trial, with_reference: reference.is_some() })
@@ -55,6 +60,26 @@ fn stream<T: Logged>(log: &Path) -> anyhow::Result<Vec<Numbered<T>>> {
         }
     }
     Ok(messages)
+}
+
+/// What SBS makes of the recorded pictures.
+fn frames(log: &Path, settings: &Settings) -> anyhow::Result<Vec<Frame>> {
+    let mut log = Log::open(log)?;
+    let mut state = ::sbs::State::new(sbs::parameters(settings));
+    let mut frames = Vec::new();
+    while let Some(entry) = log.next_picture::<CameraFrame>()? {
+        if let Entry::Message { stamp_ns, payload: Image { layout, bytes }, .. } = entry {
+            let answer = state.step(&::sbs::Frame { stamp_ns, layout, bytes: &bytes, odometry: None });
+            frames.push(Frame { stamp_ns, motion: answer.motion });
+        }
+    }
+    Ok(frames)
+}
+
+/// The recorded motion of the camera.
+fn motions(log: &Path) -> anyhow::Result<Vec<Frame>> {
+    let motions = stream::<CameraMotion>(log)?.into_iter();
+    Ok(motions.map(|(_, stamp_ns, motion)| Frame { stamp_ns, motion }).collect())
 }
 
 /// The map of the same drive without walkers, if the file of the world is found.

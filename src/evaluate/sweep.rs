@@ -4,13 +4,13 @@ use super::chain::chain;
 use super::comparison::write_comparison;
 use super::report::{Report, Row};
 use crate::args::NumberRange;
-use crate::built_in;
 use crate::exit::BadInput;
 use crate::process::simulator::optics;
 use crate::process::{robot, sbs};
+use crate::{built_in, progress, world};
 use clap::{Args, ValueEnum};
 use evaluate::{CameraSetup, Setup, Variation, in_parallel, read_world};
-use indicatif::{MultiProgress, ProgressBar};
+use indicatif::MultiProgress;
 use settings::{Action, BuiltIn, Cue, FtiMethod, MovingCell, Process, Settings};
 use simulator::CalibrationError;
 use simulator::camera::Flaws;
@@ -22,29 +22,35 @@ pub(crate) struct DriveArgs {
     /// A simulated drive: its log, or the folder of the log
     #[arg(value_name = "RUN", group = "drives")]
     pub(crate) run: Option<PathBuf>,
+    /// Run the filter again on the recorded scans and pictures, instead of scoring the recorded verdicts
+    #[arg(long, conflicts_with_all = ["world", "random"])]
+    pub(crate) replay: bool,
     /// Simulated worlds to drive through, each with every seed and every number of walkers.
     ///
     /// All drives run in this process, without a deployment: the camera's pictures are rendered and background subtraction runs on them.
     /// The rendered camera differs from that of the settings by the errors of a mounting with a tape measure.
     #[arg(long, value_name = "FILE", group = "drives", num_args = 1..)]
     pub(crate) world: Vec<PathBuf>,
+    /// Random worlds to drive through, as of `stillmap world`; the seed of a world is that of its drive
+    #[arg(long, value_name = "FIRST..LAST", group = "drives")]
+    pub(crate) random: Option<NumberRange>,
     /// Seeds of the noise and of the walkers' paths
     #[arg(long, value_name = "FIRST..LAST", default_value = "1..2", requires = "world")]
     pub(crate) seeds: NumberRange,
     /// Numbers of walkers. The default is the number in the world file
-    #[arg(long, value_name = "N,N", value_delimiter = ',', requires = "world")]
+    #[arg(long, value_name = "N,N", value_delimiter = ',', conflicts_with = "run")]
     pub(crate) walkers: Vec<u32>,
     /// Time that each walker stands at each waypoint but the last, in seconds. The default is the time in the world file
-    #[arg(long, value_name = "SECONDS", value_parser = standing, requires = "world")]
+    #[arg(long, value_name = "SECONDS", value_parser = standing, conflicts_with = "run")]
     pub(crate) stand: Option<f64>,
     /// Method that decides which readings enter the map
-    #[arg(long, value_enum, default_value_t = Method::Settings, requires = "world")]
+    #[arg(long, value_enum, default_value_t = Method::Settings, conflicts_with = "run")]
     pub(crate) method: Method,
     /// Drive with sonars only
-    #[arg(long, requires = "world")]
+    #[arg(long, conflicts_with = "run")]
     pub(crate) no_camera: bool,
     /// Settings file for robot, sensors, filter and map. The default is that of the demo
-    #[arg(long, value_name = "FILE", requires = "world")]
+    #[arg(long, value_name = "FILE", conflicts_with = "run")]
     pub(crate) settings: Option<PathBuf>,
     /// Folder for a picture of each drive with the unfiltered map, the filtered map and the walkers' paths; it is created if missing
     #[arg(long, value_name = "DIR")]
@@ -53,6 +59,9 @@ pub(crate) struct DriveArgs {
     #[arg(long)]
     pub(crate) json: bool,
 }
+
+/// Name of random worlds in the table.
+const RANDOM: &str = "random";
 
 /// Method of a sweep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -73,11 +82,17 @@ struct World {
 
 /// A drive to simulate.
 struct Task<'a> {
-    name: &'a str,
-    text: &'a str,
+    world: Source<'a>,
     seed: u64,
     /// `None` for the walkers of the file.
     walkers: Option<u32>,
+}
+
+/// Where the world of a drive is from.
+enum Source<'a> {
+    File(&'a World),
+    /// The random world of the drive's seed.
+    Random,
 }
 
 /// Simulates and scores every drive, in the order of worlds, numbers of walkers and seeds.
@@ -87,14 +102,17 @@ pub(super) fn sweep(options: &DriveArgs, bars: &MultiProgress) -> anyhow::Result
     let walkers: Vec<Option<u32>> =
         if options.walkers.is_empty() { vec![None] } else { options.walkers.iter().copied().map(Some).collect() };
     let mut tasks = Vec::new();
-    for World { name, text, empty } in &worlds {
+    for world in &worlds {
         // A world without walkers shows the walls that the filter removes for nothing.
-        let walkers = if *empty { &[Some(0)][..] } else { &walkers };
+        let walkers = if world.empty { &[Some(0)][..] } else { &walkers };
         for &walkers in walkers {
-            tasks.extend((options.seeds.first..=options.seeds.last).map(|seed| Task { name, text, seed, walkers }));
+            tasks.extend(options.seeds.numbers().map(|seed| Task { world: Source::File(world), seed, walkers }));
         }
     }
-    let bar = bars.add(ProgressBar::new(tasks.len() as u64));
+    for (seeds, &walkers) in options.random.iter().flat_map(|seeds| walkers.iter().map(move |walkers| (seeds, walkers))) {
+        tasks.extend(seeds.numbers().map(|seed| Task { world: Source::Random, seed, walkers }));
+    }
+    let bar = progress::of_drives(bars, tasks.len() as u64);
     let rows = in_parallel(&tasks, |task| drive(task, &setup, options).inspect(|_| bar.inc(1)));
     bar.finish_and_clear();
     Ok(Report::of(rows?))
@@ -142,15 +160,23 @@ fn setup(settings: &Settings, options: &DriveArgs) -> Setup {
 }
 
 fn drive(task: &Task<'_>, setup: &Setup, options: &DriveArgs) -> anyhow::Result<Row> {
+    let random;
+    let (name, text) = match task.world {
+        Source::File(World { name, text, .. }) => (name.as_str(), text.as_str()),
+        Source::Random => {
+            random = world::random(task.seed)?;
+            (RANDOM, random.as_str())
+        }
+    };
     let variation = Variation { walkers: task.walkers.map(|walkers| walkers as usize), seed: task.seed, stand_s: options.stand };
-    let world = read_world(task.text, variation).map_err(|error| BadInput(format!("{}: {error}", task.name)))?;
+    let world = read_world(text, variation).map_err(|error| BadInput(format!("{name}: {error}")))?;
     let trial = setup.run(&world, task.seed)?.trial;
     if let Some(folder) = &options.out {
-        let stem = Path::new(task.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let walkers = task.walkers.map_or_else(String::new, |walkers| format!("-{walkers}-walkers"));
         write_comparison(&folder.join(format!("{stem}{walkers}-seed-{}", task.seed)), &trial)?;
     }
-    Ok(Row::new(task.name.to_owned(), Some(task.seed), task.walkers, &trial))
+    Ok(Row::new(name.to_owned(), Some(task.seed), task.walkers, &trial))
 }
 
 fn standing(text: &str) -> Result<f64, String> {

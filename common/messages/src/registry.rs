@@ -186,7 +186,7 @@ services! {
     message CameraMotion {
         name: "motion/camera",
         version: 1,
-        from: &["sbs", "simulator", "playback"],
+        from: &["sbs", "playback"],
         to: &["fti", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,

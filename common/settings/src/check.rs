@@ -151,12 +151,6 @@ impl Settings {
         if camera && simulated == Provides::Pictures {
             return Err(Fault::new("simulator.camera.provides", "\"off\", since a process runs \"camera\", which gives the pictures"));
         }
-        if sbs && simulated == Provides::Motion {
-            return Err(Fault::new(
-                "simulator.camera.provides",
-                "\"pictures\", since a process runs \"sbs\", which detects the motion in them",
-            ));
-        }
         if sbs && !(camera || playback || foreign || simulated == Provides::Pictures) {
             let expected = "a source of pictures for \"sbs\": run = \"camera\", or the simulator with camera.provides = \"pictures\"";
             return Err(Fault::new("process", expected));
@@ -173,9 +167,8 @@ impl Settings {
     /// Whether camera motion is published, which FTI waits for before it integrates a scan. Without it FTI works on sonar alone.
     #[must_use]
     pub fn expects_camera_motion(&self) -> bool {
-        let made_from_truth = self.runs(BuiltIn::Simulator) && self.simulator.camera.provides == Provides::Motion;
         let recorded = self.runs(BuiltIn::Playback) && self.playback.camera_motion;
-        self.runs(BuiltIn::Sbs) || made_from_truth || recorded || self.publishes(Published::CameraMotion)
+        self.runs(BuiltIn::Sbs) || recorded || self.publishes(Published::CameraMotion)
     }
 
     fn publishes(&self, stream: Published) -> bool {

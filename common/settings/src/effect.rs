@@ -21,7 +21,7 @@ fn sees(settings: &Settings) -> bool {
 }
 
 fn simulates_pictures(settings: &Settings) -> bool {
-    settings.runs(BuiltIn::Simulator) && settings.simulator.camera.provides != Provides::Off
+    settings.runs(BuiltIn::Simulator) && settings.simulator.camera.provides == Provides::Pictures
 }
 
 fn maps(settings: &Settings) -> bool {
@@ -48,11 +48,6 @@ const RULES: &[Rule] = &[
         "no such key, or else a serial device as pioneer.port: a network port has no speed",
     ),
     rule("simulator", |s| s.runs(BuiltIn::Simulator), "no [simulator], or else a process with run = \"simulator\""),
-    rule(
-        "simulator.camera.motion",
-        |s| s.simulator.camera.provides == Provides::Motion,
-        "no [simulator.camera.motion], or else simulator.camera.provides = \"motion\"",
-    ),
     rule("mapping", maps, "no [mapping], or else a process with run = \"mapping\""),
     rule("mapping.occupied_fade_m", |s| s.mapping.fades, NO_FADE),
     rule("mapping.free_fade_m", |s| s.mapping.fades, NO_FADE),

@@ -70,9 +70,7 @@ pub use programs::{BuiltIn, Process, Program, Published};
 pub use recorder::{FlushInterval, Recorder};
 pub use reference::{reference, schema};
 pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar, UnitLength};
-pub use simulator::{
-    After, HeightError, LengthError, PerPicture, Pixels, Provides, Seed, Share, SimulatedCamera, SimulatedMotion, Simulator,
-};
+pub use simulator::{Provides, Seed, SimulatedCamera, Simulator};
 pub use supervisor::{
     FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
 };

@@ -304,11 +304,6 @@ fn pictures_come_from_one_place_and_go_somewhere() {
         "pictures",
         "demo.toml:15: simulator.camera.provides = \"pictures\": expected \"off\", since a process runs \"camera\", which gives the pictures",
     );
-    check(
-        &["mapping", "simulator", "pioneer", "sbs"],
-        "motion",
-        "demo.toml:15: simulator.camera.provides = \"motion\": expected \"pictures\", since a process runs \"sbs\", which detects the motion in them",
-    );
     let no_pictures = "demo.toml:2: process: expected a source of pictures for \"sbs\": run = \"camera\", or the simulator with \
                        camera.provides = \"pictures\"";
     check(&["mapping", "simulator", "pioneer", "sbs"], "off", no_pictures);
@@ -328,7 +323,7 @@ fn pictures_come_from_one_place_and_go_somewhere() {
         (&["mapping", "simulator", "pioneer", "sbs", "camera"], "off"),
         (&["mapping", "pioneer", "sbs", "camera"], "off"),
         (&["mapping", "playback", "sbs"], "off"),
-        (&["mapping", "simulator", "pioneer"], "motion"),
+        (&["mapping", "simulator", "pioneer"], "off"),
     ] {
         let parsed = Settings::parse("demo.toml", &deployment(kinds, provides));
         assert!(parsed.is_ok(), "{kinds:?}: {parsed:?}");

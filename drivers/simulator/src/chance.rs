@@ -8,9 +8,6 @@ use rand_chacha::rand_core::SeedableRng;
 /// Streams of the odometry's steps; those of the pings count from 0.
 const STEPS: u64 = 1 << 63;
 
-/// Streams of the camera's frames.
-const FRAMES: u64 = 1 << 62;
-
 /// Streams of the grain of the camera's pictures.
 const GRAIN: u64 = 1 << 61;
 
@@ -46,11 +43,6 @@ impl PingChance {
 /// The numbers of an odometry step.
 pub(crate) fn of_step(seed: u64, step: u64) -> ChaCha8Rng {
     stream(seed, STEPS | step)
-}
-
-/// The numbers of a camera frame.
-pub(crate) fn of_frame(seed: u64, frame: u64) -> ChaCha8Rng {
-    stream(seed, FRAMES | frame)
 }
 
 /// The numbers of the grain of a camera's picture.

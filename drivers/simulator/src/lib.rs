@@ -15,7 +15,6 @@
 //! Sound is flat: everything stands as high as the sonars.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::panic, clippy::float_cmp, reason = "tests fail by panicking"))]
 
-pub mod blobs;
 mod body;
 pub mod camera;
 mod chance;

@@ -4,7 +4,7 @@
 use messages::{EchoLabel, Payload, TruthScan};
 use proptest::prelude::*;
 use psos::Model;
-use stillmap_simulator::blobs::{Blobs, Failings};
+use stillmap_simulator::camera::{Camera, Flaws, LABEL_EDGE, LABEL_WALKER, Picture};
 use stillmap_simulator::{Body, Optics, PACKET_INTERVAL_NS, Packet, Simulation, World};
 
 const QUIET: &str = "sonar = { noise_m = 0, noise_share = 0, crosstalk = 0, missed = 0 }\n";
@@ -243,14 +243,21 @@ fn camera_and_sonars_share_one_way() {
         "walker = [{ from_m = [3, 0], way = [{ to_m = [3, 0], stop_s = 60 }] }]\n[robot]\nstart_m = [0, 0]\nspeed_m_s = 0.5\nway = [{ to_m = [2, 0] }]\n",
     );
     let optics = Optics::default();
-    let mut blobs = Blobs::new(&world, &optics, &Failings::NONE, 1);
+    let (mut camera, mut picture) = (Camera::new(&world, &optics, &Flaws::NONE, 1), Picture::default());
     let poses: Vec<(u64, f64)> = drive(&world, 1).iter().map(|(packet, truth)| (packet.stamp_ns, truth.pose.x_m)).collect();
     let focal_px = 80.0 / (optics.field_of_view_rad / 2.0).tan();
     let mut compared = 0;
-    while let Some((stamp_ns, motion)) = blobs.next_frame() {
-        let Some(blob) = motion.blobs().first().filter(|blob| blob.bottom_px < 120) else { continue };
+    for frame in 1..=camera.total_frames() {
+        camera.take(frame, &mut picture);
+        let stamp_ns = camera.stamp_ns(frame);
+        let rows: Vec<&[u8]> = picture.labels.chunks(160).collect();
+        let Some(last) =
+            rows.iter().rposition(|row| row.iter().any(|label| [LABEL_EDGE, LABEL_WALKER].contains(label))).filter(|row| *row < 119)
+        else {
+            continue;
+        };
         // The foot of the shin, 0.07 m before its middle, by the ground cue.
-        let seen_from_m = 3.0 - 0.07 - focal_px * optics.height_m / (f64::from(blob.bottom_px) - 60.0);
+        let seen_from_m = 3.0 - 0.07 - focal_px * optics.height_m / (last as f64 + 1.0 - 60.0);
         let (_, driven_m) = poses.iter().min_by_key(|(at_ns, _)| at_ns.abs_diff(stamp_ns)).unwrap();
         // Half a row at the far end of the way, and what is driven between packet and frame.
         assert!((seen_from_m - driven_m).abs() < 0.2, "at {stamp_ns} ns: {seen_from_m} m and {driven_m} m");

@@ -1,7 +1,6 @@
 //! The simulator as a process: the world in deployment time, its robot behind a pseudo-terminal, the truth on the bus.
 
 mod drive_state;
-mod motion_feed;
 mod pace;
 mod parameters;
 mod picture_feed;
@@ -17,9 +16,8 @@ use anyhow::{Context as _, Result};
 use bus::{BusError, Writer};
 use drive_state::DriveState;
 use messages::{TruthScan, TruthSurfaces};
-use motion_feed::MotionFeed;
 use pace::Pace;
-pub(crate) use parameters::{failings, optics};
+pub(crate) use parameters::optics;
 use picture_feed::PictureFeed;
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Provides, Settings};
@@ -64,8 +62,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let driven_ns = simulation.packets() * PACKET_INTERVAL_NS;
     let camera = match settings.simulator.camera.provides {
         Provides::Off => None,
-        Provides::Motion => Some(CameraFeed::Motion(Box::new(MotionFeed::new(&world, settings, shell.writer()?, driven_ns)))),
-        Provides::Pictures => Some(CameraFeed::Pictures(Box::new(PictureFeed::new(&world, settings, &mut shell, driven_ns)?))),
+        Provides::Pictures => Some(PictureFeed::new(&world, settings, &mut shell, driven_ns)?),
     };
     if camera.is_some() {
         shell.linger_as_source_until([BuiltIn::Sbs, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
@@ -102,38 +99,6 @@ fn copy_of_world(domain: &Path, world: &Path) -> Result<PathBuf> {
     Ok(copy)
 }
 
-/// What the robot's camera gives.
-enum CameraFeed {
-    Motion(Box<MotionFeed>),
-    Pictures(Box<PictureFeed>),
-}
-
-impl CameraFeed {
-    /// When the next frame is due, ns since the start of the drive; `None` at its end.
-    fn due_ns(&self) -> Option<u64> {
-        match self {
-            Self::Motion(feed) => feed.due_ns(),
-            Self::Pictures(feed) => feed.due_ns(),
-        }
-    }
-
-    /// Sends the next frame, of a drive that began at this time on the deployment's clock.
-    fn send(&mut self, start_ns: u64) -> Result<(), BusError> {
-        match self {
-            Self::Motion(feed) => feed.send(start_ns),
-            Self::Pictures(feed) => feed.send(start_ns),
-        }
-    }
-
-    /// No more frames will come.
-    fn end(&mut self) -> Result<(), BusError> {
-        match self {
-            Self::Motion(feed) => feed.end(),
-            Self::Pictures(feed) => feed.end(),
-        }
-    }
-}
-
 /// How the world's time runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum WorldClock {
@@ -153,7 +118,7 @@ struct Process {
     robot: RobotEnd,
     terminal: Terminal,
     truth: Writer<TruthScan>,
-    camera: Option<CameraFeed>,
+    camera: Option<PictureFeed>,
     checkpoint: Checkpoint,
     state: DriveState,
     clock: WorldClock,
@@ -217,7 +182,7 @@ impl Process {
         let mut paced_from_ns = paced_from_ns;
         for _ in 0..CATCH_UP_PACKETS {
             let packet_ns = (self.simulation.packets() + 1) * PACKET_INTERVAL_NS;
-            let frame_ns = self.camera.as_ref().and_then(CameraFeed::due_ns).unwrap_or(u64::MAX);
+            let frame_ns = self.camera.as_ref().and_then(PictureFeed::due_ns).unwrap_or(u64::MAX);
             let next_ns = packet_ns.min(frame_ns);
             let due_ns = paced_from_ns.saturating_add(next_ns);
             if due_ns > now_ns {
@@ -238,8 +203,8 @@ impl Process {
             }
             if let Some(camera) = self.camera.as_mut().filter(|_| frame_ns <= packet_ns) {
                 camera.send(start_ns)?;
-                if let (Some(pace), CameraFeed::Pictures(feed)) = (&mut self.pace, &*camera) {
-                    pace.frame_sent(feed.last());
+                if let Some(pace) = &mut self.pace {
+                    pace.frame_sent(camera.last());
                 }
                 continue;
             }

@@ -1,7 +1,6 @@
 //! What the settings of a deployment mean for the simulated camera.
 
 use ::simulator::Optics;
-use ::simulator::blobs::Failings;
 use messages::Pose;
 
 /// The camera that a deployment has.
@@ -17,20 +16,6 @@ pub(crate) fn optics(camera: &settings::Camera) -> Optics {
     }
 }
 
-/// The failings that a deployment asks for.
-pub(crate) fn failings(camera: &settings::SimulatedMotion) -> Failings {
-    Failings {
-        missed: camera.missed.get(),
-        fragments: camera.fragments.get(),
-        false_blobs: camera.false_blobs.get(),
-        fades_after_s: camera.fades_after_s.get(),
-        edge_px: camera.edge_px.get(),
-        focal_share: camera.focal_error.get(),
-        horizon_px: camera.horizon_error_px.get(),
-        height_m: camera.height_error_m.get(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,6 +23,5 @@ mod tests {
     #[test]
     fn default_settings_are_the_simulators_defaults() {
         assert_eq!(optics(&settings::Camera::default()), Optics::default());
-        assert_eq!(failings(&settings::SimulatedMotion::default()), Failings::default());
     }
 }

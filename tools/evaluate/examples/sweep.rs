@@ -56,9 +56,8 @@ fn main() -> Result<()> {
     let setup = if camera { setup } else { setup.without_camera() };
     let scored = in_parallel(&drives, |drive| -> Result<Scored> {
         let driven = setup.run(&read_world(&drive.text, drive.variation)?, drive.variation.seed)?;
-        let causes = Causes::count(&driven.drive, &driven.outcome.verdicts);
         let name = if each { format!("{} {}", drive.world, drive.variation.seed) } else { drive.world.clone() };
-        Ok(Scored { name, tally: driven.trial.tally, causes })
+        Ok(Scored { name, tally: driven.trial.tally, causes: driven.trial.causes })
     })?;
     let mut by_name: BTreeMap<&str, Vec<&Scored>> = BTreeMap::new();
     scored.iter().for_each(|drive| by_name.entry(&drive.name).or_default().push(drive));

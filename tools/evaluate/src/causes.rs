@@ -8,11 +8,10 @@ use serde::Serialize;
 
 use crate::drive::Drive;
 use crate::judge::of_walker;
+use crate::truth::STANDS_M;
 
-/// Time over which the movement of a walker is measured, s.
-const MOVES_S: f64 = 1.0;
-/// A walker that moves less in this time stands, m.
-const STANDS_M: f64 = 0.15;
+/// Time over which the movement of a walker is measured, ns.
+const MOVES_NS: u64 = 1_000_000_000;
 /// An echo this near to a walker may be part of the walker: half a shoulder and half a step, m.
 const NEAR_M: f64 = 0.6;
 
@@ -62,7 +61,7 @@ impl Causes {
         let mut causes = Self::default();
         for (number, (scan, verdict)) in drive.scans.iter().zip(verdicts).enumerate() {
             // The last scan that is at least so much older; the first one at the start.
-            let from_ns = scan.stamp_ns.saturating_sub((MOVES_S * 1e9) as u64);
+            let from_ns = scan.stamp_ns.saturating_sub(MOVES_NS);
             let past = &drive.scans[drive.scans[..=number].partition_point(|past| past.stamp_ns <= from_ns).saturating_sub(1)];
             let readings = scan.scan.readings().iter().zip(&scan.truth.readings).enumerate();
             for (index, (reading, truth)) in readings.filter(|(_, (reading, _))| reading.echo != 0) {

@@ -159,3 +159,62 @@ fn reachable(map: &Occupancy, size: CellSize) -> BTreeSet<Cell> {
     }
     seen
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::float_cmp, clippy::unwrap_used, reason = "exact values")]
+    use super::*;
+
+    const CELL_M: f64 = 0.05;
+
+    /// A map of a picture: `#` occupied, `.` free, a space untouched. The first cell of the first row is at this row and column.
+    fn map(rows: &[&str], row: i32, column: i32) -> Occupancy {
+        let mut map = Occupancy::default();
+        for (row, text) in (row..).zip(rows) {
+            for (column, shown) in (column..).zip(text.chars()).filter(|(_, shown)| *shown != ' ') {
+                let cell = Cell { row, column };
+                map.touched.insert(cell);
+                if shown == '#' {
+                    map.occupied.insert(cell);
+                }
+            }
+        }
+        map
+    }
+
+    #[test]
+    fn overlap_tolerates_one_cell_and_counts_both_sides() {
+        let cells = |text| map(&[text], 0, 0).occupied;
+        let iou = |a, b| Overlap::between(&cells(a), &cells(b)).iou();
+        assert_eq!(iou("", ""), 1.0);
+        assert_eq!(iou("##   ", "##   "), 1.0);
+        assert_eq!(iou("#    ", " #   "), 1.0);
+        assert_eq!(iou("#    ", "  #  "), 0.0);
+        // One cell in common, one of the map too many, one of the building missing.
+        assert_eq!(iou("#  #   ", "#     #"), 1.0 / 3.0);
+    }
+
+    /// A corridor of 3 m by 1 m around the origin, with this in its row of the origin.
+    fn corridor(middle: &str) -> Occupancy {
+        let wall = "#".repeat(60);
+        let free = format!("#{}#", ".".repeat(58));
+        let mut rows = vec![wall.as_str()];
+        rows.extend(std::iter::repeat_n(free.as_str(), 9));
+        rows.push(middle);
+        rows.extend(std::iter::repeat_n(free.as_str(), 9));
+        rows.push(wall.as_str());
+        map(&rows, -10, -20)
+    }
+
+    #[test]
+    fn what_blocks_the_passage_blocks_all_behind_it() {
+        let size = CellSize::new(CELL_M).unwrap();
+        let empty = corridor(&format!("#{}#", ".".repeat(58)));
+        let with_post = corridor(&format!("#{}#{}#", ".".repeat(29), ".".repeat(28)));
+        let cells = Cells::count(&empty, &with_post, &empty, &empty, size);
+        assert_eq!((cells.caused, cells.caused_left, cells.differ_before, cells.differ_after), (1, 0, 1, 0));
+        // The centre of the robot stays 0.3 m from the walls: rows -4 to 4, columns -14 to 33.
+        assert_eq!((cells.places, cells.places_blocked), (9 * 48, 0));
+        assert!(cells.places_blocked_before > cells.places / 2, "{cells:?}");
+    }
+}

@@ -6,6 +6,7 @@
 
 mod causes;
 mod comparison;
+mod detection;
 mod drive;
 mod judge;
 mod occupancy;
@@ -20,13 +21,14 @@ mod variation;
 
 pub use causes::{Causes, Share};
 pub use comparison::{Cells, Overlap};
+pub use detection::{Detection, track_errors_m};
 pub use drive::{CameraSetup, Drive, Frame};
 pub use judge::{Chain, FilterError, Outcome, filter, judge, mapped, oracle, unfiltered};
 pub use occupancy::Occupancy;
 pub use parallel::in_parallel;
 pub use recorded::{NoTruth, Numbered, Recorded};
 pub use scan::Scan;
-pub use score::{Detection, Labels, Score, Tally, track_errors_m};
+pub use score::{Ghosts, Labels, Removed, Score, Tally};
 pub use setup::{Driven, Setup};
 pub use trial::{Trial, reference};
 pub use truth::Truth;

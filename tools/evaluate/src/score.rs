@@ -1,29 +1,31 @@
-//! Maps, verdicts and tracks against the truth.
+//! Maps and verdicts against the truth.
 
 use std::collections::BTreeSet;
 
 use geometry::{Cell, CellSize};
-use messages::{FilterVerdict, SonarMotion, seconds};
+use messages::FilterVerdict;
 use serde::Serialize;
 
 use crate::comparison::Cells;
 use crate::drive::Drive;
 use crate::judge::of_walker;
 use crate::occupancy::Occupancy;
-use crate::truth::{Truth, cells_near, in_map};
+use crate::truth::{Truth, cells_near};
 
 /// A cell this near to a true surface is right, m.
 const TOLERANCE_M: f64 = 0.1;
-/// A wrong cell this near to a walker's way is a ghost, m.
-const GHOST_M: f64 = 0.55;
+/// A cell this near to where a walker stood or walked is caused by the walker there: half a step and half a shoulder, m.
+const NEAR_M: f64 = 0.45;
 
 /// The cells of a drive by what is true of them.
 #[derive(Debug, Clone)]
 pub struct Labels {
     /// Near a true surface.
     surface: BTreeSet<Cell>,
-    /// Near a walker's way and not near a surface.
-    haunted: BTreeSet<Cell>,
+    /// Near a place where a walker stood.
+    stood: BTreeSet<Cell>,
+    /// Near the path of a walker.
+    walked: BTreeSet<Cell>,
     /// Places on surfaces, with the cells near each.
     places: Vec<[f64; 2]>,
     size: CellSize,
@@ -32,24 +34,8 @@ pub struct Labels {
 /// Counts that add up over drives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Tally {
-    /// Ghost cells with every reading counted.
-    pub ghosts_before: usize,
-    /// Ghost cells of the map.
-    pub ghosts_after: usize,
-    /// Ghost cells with true labels.
-    pub ghosts_oracle: usize,
-    /// As `ghosts_before`, with the cells that are wrong without walkers as well.
-    pub wrong_before: usize,
-    /// As `ghosts_after`, with these.
-    pub wrong_after: usize,
-    /// Wall cells with true labels.
-    pub walls_oracle: usize,
-    /// Of these, not in the map.
-    pub walls_lost_oracle: usize,
-    /// Wall cells without walkers.
-    pub walls_reference: usize,
-    /// Of these, not in the map.
-    pub walls_lost_reference: usize,
+    /// Cells that walkers caused, by where these were.
+    pub ghosts: Ghosts,
     /// Occupied cells.
     pub occupied: usize,
     /// Of these, near a surface.
@@ -70,24 +56,77 @@ pub struct Tally {
     pub cells: Cells,
 }
 
-/// Shares from 0 to 1.
+/// Cells that walkers caused: occupied with every reading counted, but not with true labels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Ghosts {
+    /// Within 0.1 m of a surface: tails of the arcs of walls that walkers hid for a time.
+    pub at_walls: Removed,
+    /// Others within 0.45 m of a place where a walker stood.
+    pub standing: Removed,
+    /// Others within 0.45 m of a walker's path.
+    pub walking: Removed,
+    /// Others: mirrored echoes, and the far ends of arcs.
+    pub elsewhere: Removed,
+}
+
+/// Cells before and after filtering.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct Removed {
+    /// With every reading counted.
+    pub before: usize,
+    /// Of these, still in the map.
+    pub after: usize,
+}
+
+impl Removed {
+    fn with(&self, other: &Self) -> Self {
+        Self { before: self.before + other.before, after: self.after + other.after }
+    }
+}
+
+impl Ghosts {
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            at_walls: self.at_walls.with(&other.at_walls),
+            standing: self.standing.with(&other.standing),
+            walking: self.walking.with(&other.walking),
+            elsewhere: self.elsewhere.with(&other.elsewhere),
+        }
+    }
+}
+
+/// The measures of a map, as shares: from 0 to 1 but for `net`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Score {
-    /// Share of the ghost cells that are gone.
+    /// Share of the cells that walkers caused which the filter removed (G); 1 where walkers caused none.
     pub ghosts_removed: f64,
-    /// The same of all wrong cells near a walker's path, whatever their cause: also those of a mirror or of another sonar, which
-    /// the drive without walkers has too. No filter for walkers can remove these.
-    pub ghosts_removed_literal: f64,
-    /// Share of the wall cells that true labels give and that are not there.
+    /// Share of the cells of the true-label map which the filter lost (L).
     pub walls_lost: f64,
-    /// The same against the drive without walkers.
-    pub walls_lost_reference: f64,
-    /// Share of the occupied cells that are right.
+    /// Change of the number of cells that differ from the true-label map: −1 where the filter makes the map of the true labels, above
+    /// 0 where the map is better without the filter. `None` where nothing differs without the filter.
+    pub net: Option<f64>,
+    /// Intersection over union of the occupied cells with those of the empty building, with a tolerance of one cell.
+    pub iou_empty: f64,
+    /// The same without the filter.
+    pub iou_empty_unfiltered: f64,
+    /// The same with true labels.
+    pub iou_empty_true_labels: f64,
+    /// Share of the places that a robot of 0.25 m reaches in the empty building, and not in the map.
+    pub blocked: f64,
+    /// The same without the filter.
+    pub blocked_unfiltered: f64,
+    /// Share of the occupied cells that are within 0.1 m of a surface.
     pub precision: f64,
-    /// Share of the visible surfaces that are there.
+    /// Share of the visible surfaces within 0.1 m of an occupied cell.
     pub recall: f64,
     /// Their harmonic mean.
     pub f1: f64,
+    /// Static accuracy: share of the echoes of still things that the filter lets into the map.
+    pub sa: f64,
+    /// Dynamic accuracy: share of the echoes of walkers that it withholds.
+    pub da: f64,
+    /// Associated accuracy: the geometric mean of both.
+    pub aa: f64,
 }
 
 impl Labels {
@@ -95,20 +134,9 @@ impl Labels {
     #[must_use]
     pub fn new(truth: &Truth, size: CellSize) -> Self {
         let surface = cells_near(size, truth.surface_places_m(), TOLERANCE_M);
-        let mut haunted = cells_near(size, truth.ways_m.iter().copied(), GHOST_M);
-        haunted.retain(|cell| !surface.contains(cell));
-        Self { surface, haunted, places: truth.surface_places_m().collect(), size }
-    }
-
-    /// Ghost cells of a map: occupied, away from every surface, near a walker's way. A cell that the drive without walkers
-    /// takes for occupied as well is wrong for another reason, and none.
-    pub fn ghosts<'a>(&'a self, map: &'a Occupancy, reference: &'a Occupancy) -> impl Iterator<Item = &'a Cell> {
-        self.wrong(map).filter(|cell| !reference.occupied.contains(cell))
-    }
-
-    /// The same without regard to the reason: occupied, away from every surface, near a walker's way.
-    fn wrong<'a>(&'a self, map: &'a Occupancy) -> impl Iterator<Item = &'a Cell> {
-        map.occupied.intersection(&self.haunted)
+        let stood = cells_near(size, truth.stands_m.iter().copied(), NEAR_M);
+        let walked = cells_near(size, truth.paths_m.iter().copied(), NEAR_M);
+        Self { surface, stood, walked, places: truth.surface_places_m().collect(), size }
     }
 
     /// Wall cells of a map.
@@ -116,10 +144,27 @@ impl Labels {
         map.occupied.intersection(&self.surface)
     }
 
+    fn ghosts(&self, map: &Occupancy, before: &Occupancy, oracle: &Occupancy) -> Ghosts {
+        let mut ghosts = Ghosts::default();
+        for cell in before.occupied.difference(&oracle.occupied) {
+            let cause = if self.surface.contains(cell) {
+                &mut ghosts.at_walls
+            } else if self.stood.contains(cell) {
+                &mut ghosts.standing
+            } else if self.walked.contains(cell) {
+                &mut ghosts.walking
+            } else {
+                &mut ghosts.elsewhere
+            };
+            cause.before += 1;
+            cause.after += usize::from(map.occupied.contains(cell));
+        }
+        ghosts
+    }
+
     /// What there is to count in a map.
     #[must_use]
     pub fn tally(&self, map: &Occupancy, before: &Occupancy, oracle: &Occupancy, reference: &Occupancy) -> Tally {
-        let lost = |from: &Occupancy| self.walls(from).filter(|cell| !map.occupied.contains(cell)).count();
         let near = |place: &[f64; 2], cells: &BTreeSet<Cell>| {
             let [x, y] = *place;
             let rows = self.size.index_of(y - TOLERANCE_M)..=self.size.index_of(y + TOLERANCE_M);
@@ -133,15 +178,7 @@ impl Labels {
         };
         let visible: Vec<&[f64; 2]> = self.places.iter().filter(|place| near(place, &reference.touched)).collect();
         Tally {
-            ghosts_before: self.ghosts(before, reference).count(),
-            ghosts_after: self.ghosts(map, reference).count(),
-            ghosts_oracle: self.ghosts(oracle, reference).count(),
-            wrong_before: self.wrong(before).count(),
-            wrong_after: self.wrong(map).count(),
-            walls_oracle: self.walls(oracle).count(),
-            walls_lost_oracle: lost(oracle),
-            walls_reference: self.walls(reference).count(),
-            walls_lost_reference: lost(reference),
+            ghosts: self.ghosts(map, before, oracle),
             occupied: map.occupied.len(),
             right: self.walls(map).count(),
             places: visible.len(),
@@ -170,15 +207,7 @@ impl Tally {
     #[must_use]
     pub fn with(&self, other: &Self) -> Self {
         Self {
-            ghosts_before: self.ghosts_before + other.ghosts_before,
-            ghosts_after: self.ghosts_after + other.ghosts_after,
-            ghosts_oracle: self.ghosts_oracle + other.ghosts_oracle,
-            wrong_before: self.wrong_before + other.wrong_before,
-            wrong_after: self.wrong_after + other.wrong_after,
-            walls_oracle: self.walls_oracle + other.walls_oracle,
-            walls_lost_oracle: self.walls_lost_oracle + other.walls_lost_oracle,
-            walls_reference: self.walls_reference + other.walls_reference,
-            walls_lost_reference: self.walls_lost_reference + other.walls_lost_reference,
+            ghosts: self.ghosts.with(&other.ghosts),
             occupied: self.occupied + other.occupied,
             right: self.right + other.right,
             places: self.places + other.places,
@@ -194,90 +223,28 @@ impl Tally {
     /// As shares.
     #[must_use]
     pub fn score(&self) -> Score {
-        let share = |part: usize, total: usize| if total == 0 { 0.0 } else { part as f64 / total as f64 };
-        let (precision, recall) = (share(self.right, self.occupied), share(self.found, self.places));
-        let removed = |after: usize, before: usize| if before == 0 { 1.0 } else { 1.0 - share(after, before) };
+        let share = |part: usize, total: usize, of_nothing: f64| if total == 0 { of_nothing } else { part as f64 / total as f64 };
+        let (precision, recall) = (share(self.right, self.occupied, 0.0), share(self.found, self.places, 0.0));
+        let cells = &self.cells;
+        let net = (cells.differ_before > 0).then(|| share(cells.differ_after, cells.differ_before, 0.0) - 1.0);
+        let still = self.echoes - self.walker_echoes;
+        let sa = share(still - (self.withheld - self.withheld_walkers), still, 1.0);
+        let da = share(self.withheld_walkers, self.walker_echoes, 1.0);
         Score {
-            ghosts_removed: removed(self.ghosts_after, self.ghosts_before),
-            ghosts_removed_literal: removed(self.wrong_after, self.wrong_before),
-            walls_lost: share(self.walls_lost_oracle, self.walls_oracle),
-            walls_lost_reference: share(self.walls_lost_reference, self.walls_reference),
+            ghosts_removed: 1.0 - share(cells.caused_left, cells.caused, 0.0),
+            walls_lost: share(cells.lost, cells.true_labels, 0.0),
+            net,
+            iou_empty: cells.filtered.iou(),
+            iou_empty_unfiltered: cells.unfiltered.iou(),
+            iou_empty_true_labels: cells.oracle.iou(),
+            blocked: share(cells.places_blocked, cells.places, 0.0),
+            blocked_unfiltered: share(cells.places_blocked_before, cells.places, 0.0),
             precision,
             recall,
             f1: if precision + recall > 0.0 { 2.0 * precision * recall / (precision + recall) } else { 0.0 },
+            sa,
+            da,
+            aa: (sa * da).sqrt(),
         }
     }
-}
-
-/// How well STD tells walkers, echo by echo.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Detection {
-    /// Echoes of walkers within the sonars that take part.
-    pub walker_echoes: usize,
-    /// Of these, in a mover.
-    pub detected: usize,
-    /// Echoes in a mover.
-    pub reported: usize,
-    /// Movers without an echo of a walker.
-    pub false_alarms: usize,
-    /// Time of the drive, minutes.
-    pub minutes: f64,
-}
-
-impl Detection {
-    /// Both counts together.
-    #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
-        Self {
-            walker_echoes: self.walker_echoes + other.walker_echoes,
-            detected: self.detected + other.detected,
-            reported: self.reported + other.reported,
-            false_alarms: self.false_alarms + other.false_alarms,
-            minutes: self.minutes + other.minutes,
-        }
-    }
-
-    /// Counts STD's answers; sonars that look further aside than `aside_rad` take no part.
-    #[must_use]
-    pub fn count(drive: &Drive, motions: &[SonarMotion], aside_rad: f64) -> Self {
-        let (first, last) = (drive.scans.first(), drive.scans.last());
-        let span_ns = first.zip(last).map_or(0, |(first, last)| last.stamp_ns.saturating_sub(first.stamp_ns));
-        let mut detection = Self { minutes: seconds(span_ns) / 60.0, ..Self::default() };
-        for (scan, motion) in drive.scans.iter().zip(motions) {
-            let readings = scan.scan.readings().iter().zip(&scan.truth.readings).enumerate();
-            let mut walkers = 0u32;
-            for (index, (_, truth)) in readings.filter(|(_, (reading, _))| reading.echo != 0 && reading.mount.yaw_rad.abs() <= aside_rad) {
-                let reported = motion.movers().iter().any(|mover| mover.readings & (1 << index) != 0);
-                walkers |= u32::from(of_walker(truth)) << index;
-                detection.walker_echoes += usize::from(of_walker(truth));
-                detection.detected += usize::from(reported && of_walker(truth));
-                detection.reported += usize::from(reported);
-            }
-            detection.false_alarms += motion.movers().iter().filter(|mover| mover.readings & walkers == 0).count();
-        }
-        detection
-    }
-}
-
-/// Distances of the walkers' true places from the nearest track, m, for walkers within `reach_m` before the robot.
-#[must_use]
-pub fn track_errors_m(drive: &Drive, tracks_m: &[Vec<[f64; 2]>], reach_m: f64) -> Vec<f64> {
-    let mut errors = Vec::new();
-    for (scan, tracks) in drive.scans.iter().zip(tracks_m) {
-        let robot = &scan.truth.pose;
-        for walker in &scan.truth.walkers_m[..scan.truth.walkers_count as usize] {
-            let [ahead, aside] = in_map(robot, *walker);
-            if ahead <= 0.0 || aside.abs() > 0.6 * ahead || ahead.hypot(aside) > reach_m {
-                continue;
-            }
-            let odometry = &scan.truth.odometry;
-            let place = odometry.then(&messages::Pose { x_m: ahead, y_m: aside, yaw_rad: 0.0 });
-            let distances = tracks.iter().map(|track| (track[0] - place.x_m).hypot(track[1] - place.y_m));
-            let nearest = distances.fold(f64::INFINITY, f64::min);
-            if nearest.is_finite() {
-                errors.push(nearest);
-            }
-        }
-    }
-    errors
 }

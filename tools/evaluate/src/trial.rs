@@ -3,10 +3,12 @@
 use mapping::export::MapCopy;
 use messages::Layer;
 
+use crate::causes::Causes;
+use crate::detection::{Detection, track_errors_m};
 use crate::drive::Drive;
 use crate::judge::{Chain, FilterError, Outcome, judge, mapped, oracle, unfiltered};
 use crate::occupancy::Occupancy;
-use crate::score::{Detection, Labels, Tally, track_errors_m};
+use crate::score::{Labels, Tally};
 
 /// Farthest walker whose track counts, m: the reach of the sonars.
 const REACH_M: f64 = 3.0;
@@ -16,6 +18,8 @@ const REACH_M: f64 = 3.0;
 pub struct Trial {
     /// The map and the verdicts, counted.
     pub tally: Tally,
+    /// The wrong verdicts, counted.
+    pub causes: Causes,
     /// STD, counted.
     pub detection: Detection,
     /// Distances of the walkers' places from the nearest track, m, in ascending order.
@@ -41,7 +45,8 @@ impl Trial {
         track_errors_m.sort_by(f64::total_cmp);
         let mut map = MapCopy::of(&mapper);
         map.set_walkers(drive.truth.walkers_m.clone());
-        Ok(Self { tally, detection: Detection::count(drive, &outcome.motions, chain.std.aside_rad), track_errors_m, map })
+        let causes = Causes::count(drive, &outcome.verdicts);
+        Ok(Self { tally, causes, detection: Detection::count(drive, &outcome.motions, chain.std.aside_rad), track_errors_m, map })
     }
 }
 

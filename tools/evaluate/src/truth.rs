@@ -1,4 +1,4 @@
-//! The true surfaces and the walkers' ways, in the frame of the map.
+//! The true surfaces and the walkers' paths, in the frame of the map.
 
 use std::collections::BTreeSet;
 
@@ -7,20 +7,26 @@ use messages::{Pose, TruthSurfaces};
 
 use crate::scan::Scan;
 
-/// Surfaces and ways are looked at this finely, m.
+/// Distance of neighbouring places on a surface, m.
 const STEP_M: f64 = 0.02;
 
-/// The true surfaces and the walkers' ways, in the frame of the map.
+/// The true surfaces and the walkers' paths, in the frame of the map.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
     /// Both ends of each straight piece of surface, m.
     pub surfaces_m: Vec<[[f64; 2]; 2]>,
     /// Every place of a walker, m.
-    pub ways_m: Vec<[f64; 2]>,
-    /// The same as ways, one after the other, m.
+    pub paths_m: Vec<[f64; 2]>,
+    /// Places at which a walker stood for a second, m.
+    pub stands_m: Vec<[f64; 2]>,
+    /// The paths of the walkers, one after the other, m.
     pub walkers_m: Vec<Vec<[f32; 2]>>,
 }
 
+/// Packets of a second and one.
+const STAND_PACKETS: usize = 11;
+/// A walker that moves less in a second stands, m.
+pub(crate) const STANDS_M: f64 = 0.15;
 /// Farthest that a walker moves between two packets, m.
 const LEAP_M: f64 = 0.6;
 
@@ -29,8 +35,11 @@ impl Truth {
         let Some(start) = surfaces.first().map(|chunk| chunk.start) else { return Self::default() };
         let pieces = surfaces.iter().flat_map(|chunk| &chunk.surfaces[..chunk.count as usize]);
         let surfaces_m = pieces.map(|piece| [in_map(&start, piece.from_m), in_map(&start, piece.to_m)]).collect();
-        let places = scans.iter().flat_map(|scan| &scan.truth.walkers_m[..scan.truth.walkers_count as usize]);
-        Self { surfaces_m, ways_m: places.map(|place| in_map(&start, *place)).collect(), walkers_m: ways(&start, scans) }
+        let walkers_m = paths(&start, scans);
+        let places = |path: &Vec<[f32; 2]>| path.iter().map(|place| place.map(f64::from)).collect::<Vec<_>>();
+        let all: Vec<Vec<[f64; 2]>> = walkers_m.iter().map(places).collect();
+        let stands_m = all.iter().flat_map(|path| stands(path)).collect();
+        Self { surfaces_m, paths_m: all.concat(), stands_m, walkers_m }
     }
 
     /// Places on the surfaces, a step apart.
@@ -46,8 +55,8 @@ impl Truth {
 }
 
 /// The paths of the walkers. A walker that comes or goes changes the places in the list, which begins a new path.
-fn ways(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
-    let mut ways: Vec<Vec<[f32; 2]>> = Vec::new();
+fn paths(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
+    let mut paths: Vec<Vec<[f32; 2]>> = Vec::new();
     for number in 0..messages::MAX_TRUE_WALKERS {
         let mut last: Option<[f64; 2]> = None;
         for scan in scans {
@@ -56,14 +65,23 @@ fn ways(start: &Pose, scans: &[Scan]) -> Vec<Vec<[f32; 2]>> {
             if let Some(place) = place {
                 let is_continued = last.is_some_and(|last| (place[0] - last[0]).hypot(place[1] - last[1]) < LEAP_M);
                 if !is_continued {
-                    ways.push(Vec::new());
+                    paths.push(Vec::new());
                 }
-                ways.last_mut().into_iter().for_each(|way| way.push(place.map(|number| number as f32)));
+                paths.last_mut().into_iter().for_each(|path| path.push(place.map(|number| number as f32)));
             }
             last = place;
         }
     }
-    ways
+    paths
+}
+
+/// Where a walker stands. At the first place of its path it is not in the world yet.
+fn stands(path: &[[f64; 2]]) -> impl Iterator<Item = [f64; 2]> {
+    let present = path.iter().position(|place| Some(place) != path.first()).unwrap_or(path.len());
+    path[present..].windows(STAND_PACKETS).filter_map(|places| {
+        let (from, to) = (places.first()?, places.last()?);
+        ((to[0] - from[0]).hypot(to[1] - from[1]) < STANDS_M).then_some(*to)
+    })
 }
 
 /// A place of the world's frame in the map's, whose origin is the robot's start.
