@@ -92,7 +92,7 @@ pub(crate) fn check_programs(settings: &Settings) -> Result<(), BadInput> {
 }
 
 /// The programs that cannot be started, with the reasons.
-fn missing_programs(settings: &Settings) -> Vec<String> {
+pub(crate) fn missing_programs(settings: &Settings) -> Vec<String> {
     let commands = settings.process.iter().filter_map(|process| match &process.program {
         Program::Command(words) => Some((&process.name, words.first()?)),
         Program::BuiltIn(_) => None,
@@ -101,7 +101,7 @@ fn missing_programs(settings: &Settings) -> Vec<String> {
 }
 
 /// The devices that cannot be opened, with the reasons.
-fn missing_devices(settings: &Settings) -> Vec<String> {
+pub(crate) fn missing_devices(settings: &Settings) -> Vec<String> {
     let mut missing = Vec::new();
     match &settings.pioneer.port {
         _ if !settings.runs(BuiltIn::Pioneer) => {}

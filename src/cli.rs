@@ -4,17 +4,20 @@ use crate::args::Which;
 use crate::camera::{self, CameraCommand};
 use crate::check::{self, CheckArgs};
 use crate::demo::{self, DemoArgs};
+use crate::doctor::{self, DoctorArgs};
 use crate::evaluate::{self, EvaluateArgs};
 use crate::figures::{self, FiguresArgs};
 use crate::inject::{self, InjectArgs};
 use crate::log::{self, LogCommand};
+use crate::logs::{self, LogsArgs};
 use crate::map::{self, MapArgs};
 use crate::pioneer::{self, PioneerCommand};
 use crate::replay::{self, ReplayArgs};
+use crate::restart::{self, RestartArgs};
 use crate::run::{self, RunArgs};
 use crate::status::{self, StatusArgs};
 use crate::world::{self, WorldArgs};
-use crate::{exit, process, top};
+use crate::{exit, list, process, stop, top};
 use clap::{Parser, Subcommand};
 use indicatif::MultiProgress;
 use std::path::PathBuf;
@@ -42,10 +45,18 @@ pub(crate) enum Command {
     Demo(DemoArgs),
     /// Replays the log of a drive and builds its map again
     Replay(ReplayArgs),
+    /// Lists the running deployments
+    List,
     /// Prints the state of every process of the running deployments
     Status(StatusArgs),
     /// Shows a table of the processes of a running deployment that is updated every second
     Top(Which),
+    /// Prints the last log lines of a running deployment
+    Logs(LogsArgs),
+    /// Restarts a process of a running deployment from its checkpoint
+    Restart(RestartArgs),
+    /// Ends a running deployment in order and waits until its map is written
+    Stop(Which),
     /// Draws the figures of the paper with the code that runs in a deployment
     Figures(FiguresArgs),
     /// Writes the current map of a running deployment to files
@@ -67,6 +78,8 @@ pub(crate) enum Command {
     World(WorldArgs),
     /// Checks a settings file, or prints the reference of all settings or of the messages on the bus
     Check(CheckArgs),
+    /// Checks whether this computer can run a deployment, and names remedies
+    Doctor(DoctorArgs),
     /// Runs one process of a deployment; the supervisor starts it
     #[command(hide = true)]
     Process {
@@ -93,7 +106,11 @@ impl Command {
             Self::Run(args) => return run::run(args, bars),
             Self::Demo(args) => return demo::demo(args, bars),
             Self::Replay(args) => return replay::replay(args, bars),
+            Self::List => return list::list(),
             Self::Status(args) => return status::status(args),
+            Self::Logs(args) => logs::logs(args)?,
+            Self::Restart(args) => restart::restart(args)?,
+            Self::Stop(which) => stop::stop(which)?,
             Self::Top(which) => top::top(which)?,
             Self::Figures(args) => figures::figures(args)?,
             Self::Map(args) => map::map(args)?,
@@ -104,6 +121,7 @@ impl Command {
             Self::Log(command) => return log::log(command),
             Self::World(args) => world::world(args)?,
             Self::Check(args) => check::check(args)?,
+            Self::Doctor(args) => return doctor::doctor(args),
             Self::Process { kind } => process::process(kind)?,
             Self::Guard { directory } => supervisor::guard(directory)?,
         }

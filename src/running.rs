@@ -38,7 +38,7 @@ pub(crate) fn none_running() -> String {
 }
 
 /// The name of a user, or else the number.
-fn user_name(uid: u32) -> String {
+pub(crate) fn user_name(uid: u32) -> String {
     let passwd = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
     let mut entries = passwd.lines().map(|line| line.split(':').collect::<Vec<_>>());
     let entry = entries.find(|fields| fields.get(2).and_then(|field| field.parse().ok()) == Some(uid));

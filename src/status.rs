@@ -1,14 +1,13 @@
 //! `stillmap status`: the processes of running deployments, from their supervisors.
 
 use crate::args::Which;
+use crate::observed::statuses;
 use crate::running::{choose, none_running};
+use crate::status_json::{self, DeploymentJson};
 use crate::{exit, output};
-use bus::{Reader, Received, RunningDomain};
+use bus::RunningDomain;
 use clap::Args;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus, printable};
-use runtime::Observer;
-use serde_json::{Value, json};
-use std::time::{Duration, Instant};
 
 /// Arguments of `stillmap status`.
 #[derive(Debug, Args)]
@@ -16,24 +15,28 @@ pub(crate) struct StatusArgs {
     /// Print JSON instead of a table
     #[arg(long)]
     json: bool,
+    /// Print the JSON schema of that output and end
+    #[arg(long, conflicts_with_all = ["json", "deployment"])]
+    schema: bool,
     #[command(flatten)]
     which: Which,
 }
 
-/// How long to wait for a status of a supervisor, which publishes one a second.
-const PATIENCE: Duration = Duration::from_secs(3);
-
 /// Prints the status of one deployment or of all that are running; the exit code.
 pub(crate) fn status(args: &StatusArgs) -> anyhow::Result<u8> {
-    let StatusArgs { json, which } = args;
+    let StatusArgs { json, schema, which } = args;
+    if *schema {
+        output::write(&status_json::schema())?;
+        return Ok(exit::SUCCESS);
+    }
     let domains = match &which.deployment {
         Some(_) => vec![choose(which)?],
         None => RunningDomain::all()?,
     };
-    let statuses = ask(&domains)?;
+    let statuses = statuses(&domains)?;
     if *json {
-        let all: Vec<Value> = statuses.iter().map(|(domain, status)| as_json(domain, status.as_ref())).collect();
-        output::json(&format!("{:#}", Value::Array(all)))?;
+        let all: Vec<DeploymentJson> = statuses.iter().map(|(domain, status)| DeploymentJson::of(domain, status.as_ref())).collect();
+        output::json(&serde_json::to_string_pretty(&all)?)?;
     } else if statuses.is_empty() {
         output::line(&none_running())?;
     } else {
@@ -59,44 +62,6 @@ fn code(statuses: &[(&RunningDomain, Option<DeploymentStatus>)]) -> u8 {
     }
 }
 
-/// The newest status of each deployment; `None` if its supervisor is stopped or hangs.
-fn ask(domains: &[RunningDomain]) -> anyhow::Result<Vec<(&RunningDomain, Option<DeploymentStatus>)>> {
-    let mut queries = Vec::new();
-    for domain in domains {
-        let (tool, statuses) = join(domain)?;
-        queries.push((domain, tool, statuses, None));
-    }
-    let since = Instant::now();
-    loop {
-        for (_, _, statuses, newest) in &mut queries {
-            while let Some(received) = statuses.take()? {
-                if let Received::Message(status) = received {
-                    *newest = Some(*status);
-                }
-            }
-        }
-        match queries.iter().find(|(_, _, _, newest)| newest.is_none()) {
-            Some((_, tool, _, _)) if since.elapsed() < PATIENCE => tool.wait(Duration::from_millis(50))?,
-            _ => return Ok(queries.into_iter().map(|(domain, _, _, newest)| (domain, newest)).collect()),
-        }
-    }
-}
-
-/// Joins a deployment. While its supervisor makes its shared memory anew, as after files of it were removed, it cannot be joined.
-fn join(domain: &RunningDomain) -> anyhow::Result<(Observer, Reader<DeploymentStatus>)> {
-    let since = Instant::now();
-    loop {
-        let joined = Observer::join(domain).map_err(anyhow::Error::from).and_then(|mut tool| {
-            let statuses = tool.reader()?;
-            Ok((tool, statuses))
-        });
-        if joined.is_ok() || since.elapsed() > PATIENCE {
-            return joined;
-        }
-        std::thread::park_timeout(Duration::from_millis(50));
-    }
-}
-
 /// A latency with its unit, or a dash if none was measured.
 pub(crate) fn latency_text(us: u32) -> String {
     match us {
@@ -113,41 +78,6 @@ pub(crate) fn word(process: &ProcessStatus) -> &'static str {
 
 pub(crate) fn processes(status: &DeploymentStatus) -> impl Iterator<Item = &ProcessStatus> {
     status.processes.iter().take(status.count as usize)
-}
-
-fn as_json(domain: &RunningDomain, status: Option<&DeploymentStatus>) -> Value {
-    let process = |it: &ProcessStatus| {
-        let counters = it.counters.iter().take(it.counters_count as usize);
-        let counters: serde_json::Map<String, Value> = counters.map(|c| (c.name.to_string(), json!(c.value))).collect();
-        json!({
-            "process": it.process.as_str(),
-            "state": word(it),
-            "pid": (it.pid != 0).then_some(it.pid),
-            "restarts": it.restarts,
-            "heartbeat_age_ms": (it.heartbeat_age_ms != u64::MAX).then_some(it.heartbeat_age_ms),
-            "received": it.received,
-            "sent": it.sent,
-            "lost": it.lost,
-            "refused": it.refused,
-            "received_per_s": it.received_per_s,
-            "sent_per_s": it.sent_per_s,
-            "latency_median_us": (it.latency_p99_us != 0).then_some(it.latency_median_us),
-            "latency_p99_us": (it.latency_p99_us != 0).then_some(it.latency_p99_us),
-            "cpu": it.cpu,
-            "resident_bytes": it.resident_bytes,
-            "note": it.note.as_str(),
-            "counters": counters,
-        })
-    };
-    json!({
-        "deployment": domain.name(),
-        "pid": domain.pid(),
-        "folder": domain.directory().display().to_string(),
-        "answers": status.is_some(),
-        "uptime_ms": status.map(|status| status.uptime_ms),
-        "ending": status.map(|status| status.ending == 1),
-        "processes": status.iter().flat_map(|status| processes(status)).map(process).collect::<Vec<_>>(),
-    })
 }
 
 /// Number of columns of the table.

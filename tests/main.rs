@@ -53,3 +53,4 @@ mod security;
 mod slow_consumer;
 mod soak;
 mod terminal;
+mod verbs;

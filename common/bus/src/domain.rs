@@ -13,7 +13,7 @@ use crate::error::{BusError, DomainError};
 use crate::fabric::{Channel, Fabric};
 use crate::locks::{is_current, is_free, open_lock_file, take_lock, wait_until_deserted};
 use crate::membership::Membership;
-use crate::memory::{FOR_THE_SERVICES, check_free, needed};
+use crate::memory::{FOR_THE_SERVICES, check_free, needed_memory};
 use crate::paths::{DomainPaths, ignore_missing, make_private, names, runtime_dir, volatile_state};
 use crate::ports::{Ports, Presence};
 use crate::reader::Reader;
@@ -214,7 +214,7 @@ impl Domain {
     /// # Errors
     /// The room, and what is needed.
     pub fn check_memory(&self, processes: usize, picture_bytes: usize) -> Result<(), DomainError> {
-        check_free(needed(processes, picture_bytes))
+        check_free(needed_memory(processes, picture_bytes))
     }
 
     /// Keeps what this process has open on the bus from the programs that it starts: iceoryx2 does not. To be called before each start.

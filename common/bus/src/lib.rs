@@ -63,7 +63,7 @@ pub use error::{BusError, DomainError, EXIT_BROKEN_DOMAIN};
 pub use frame_reader::{Frame, FrameReader, RefusedFrame};
 pub use frame_writer::FrameWriter;
 pub use membership::{Membership, MembershipError};
-pub use memory::shared_memory_is_short;
+pub use memory::{needed_memory, shared_memory_is_short};
 pub use paths::make_private;
 pub use ports::Ports;
 pub use raw::{Injection, Raw, Tap};

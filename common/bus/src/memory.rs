@@ -36,7 +36,13 @@ pub(crate) fn check_free(needed: u64) -> Result<(), DomainError> {
 
 /// What a deployment takes while its processes keep up, and an observer beside it, bytes. The demo took 4.9 MB of the 7.4 MB that this
 /// is for its eight processes and pictures of 160 × 120 pixels.
-pub(crate) fn needed(processes: usize, picture_bytes: usize) -> u64 {
+///
+/// ```
+/// let demo = stillmap_bus::needed_memory(8, 160 * 120);
+/// assert!(demo < 8_000_000 && stillmap_bus::needed_memory(8, 640 * 480 * 3) > demo);
+/// ```
+#[must_use]
+pub fn needed_memory(processes: usize, picture_bytes: usize) -> u64 {
     let mut needed = Needed { processes: processes as u64, picture_bytes: picture_bytes as u64, bytes: 0 };
     let Ok(()) = visit_services(&mut needed);
     needed.bytes + FOR_THE_SERVICES + FOR_AN_OBSERVER + needed.processes * FOR_A_PROCESS
@@ -83,8 +89,8 @@ mod tests {
 
     #[test]
     fn the_demo_needs_a_few_megabytes() {
-        let demo = needed(8, 160 * 120);
+        let demo = needed_memory(8, 160 * 120);
         assert!((5 << 20..10 << 20).contains(&demo), "{demo} bytes");
-        assert!(needed(8, 640 * 480 * 3) > demo + 24 * 640 * 480 * 3, "large pictures");
+        assert!(needed_memory(8, 640 * 480 * 3) > demo + 24 * 640 * 480 * 3, "large pictures");
     }
 }

@@ -293,6 +293,13 @@ plain! {
     }
 }
 
+impl Counter {
+    /// Counter of the recorder: messages that are missing in the log.
+    pub const NOT_RECORDED: &'static str = "messages not recorded";
+    /// Counter of the recorder: parts of the log that were removed or truncated.
+    pub const PARTS_LOST: &'static str = "log parts lost";
+}
+
 impl ProcessStatus {
     /// Whether it has finished or failed for good: it is not restarted.
     #[must_use]

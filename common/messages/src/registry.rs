@@ -397,7 +397,7 @@ services! {
         name: "health/log",
         version: 1,
         from: &["supervisor"],
-        to: &["recorder", "viewer"],
+        to: &["recorder", "viewer", "command"],
         qos: Qos { history: 64, buffer: 256, publishers: 3, subscribers: 12 },
         wakes: true,
         sequenced: false,

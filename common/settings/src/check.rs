@@ -27,6 +27,7 @@ impl Settings {
         self.check_verdicts()?;
         self.check_viewer()?;
         self.check_faults()?;
+        self.check_hook()?;
         let (first, last) = (self.supervisor.backoff_first_s.get(), self.supervisor.backoff_last_s.get());
         if first > last {
             return Err(Fault::new("supervisor.backoff_first_s", format!("at most backoff_last_s, which is {last} s")));
@@ -201,6 +202,19 @@ impl Settings {
             return Ok(());
         }
         Err(Fault::new("viewer.address", "127.0.0.1 or ::1, or else a token"))
+    }
+
+    /// The program of `on_event` can be started as it is written.
+    fn check_hook(&self) -> Result<(), Fault> {
+        let command = &self.supervisor.on_event;
+        let refused = |expected: &str| Err(Fault::new("supervisor.on_event", expected));
+        match command.first() {
+            None => Ok(()),
+            Some(program) if program.is_empty() => refused("a program and its arguments"),
+            Some(program) if begins_with_tilde(program.as_ref()) => refused(NO_TILDE),
+            Some(_) if command.iter().any(|word| word.contains('\0')) => refused("words without a zero byte"),
+            Some(_) => Ok(()),
+        }
     }
 
     fn check_lists(&self) -> Result<(), Fault> {

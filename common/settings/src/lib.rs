@@ -72,7 +72,7 @@ pub use reference::{reference, schema};
 pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar, UnitLength};
 pub use simulator::{Provides, Seed, SimulatedCamera, Simulator};
 pub use supervisor::{
-    FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
+    DiskLow, FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
 };
 pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
 pub use text::{BadText, FileName, Name, NetworkPort, Port};

@@ -20,6 +20,8 @@ bounded! {
     LastBackoff: f64 in 0.001..=600.0, "s", default 5.0;
     /// Time to stop in before a process is killed.
     StopDeadline: f64 in 0.1..=600.0, "s", default 3.0;
+    /// Free space below which the disk counts as nearly full.
+    DiskLow: f64 in 0.0..=1e9, "MB", default 500.0;
 }
 
 /// `[supervisor]`: how processes are watched and restarted.
@@ -40,4 +42,11 @@ pub struct Supervisor {
     pub backoff_last_s: LastBackoff,
     /// Time to stop in order. A process that takes longer is killed.
     pub stop_deadline_s: StopDeadline,
+    /// Program with its arguments that is started at each event: a process fails or restarts, messages are lost, the disk is nearly
+    /// full. The environment has the event (docs/operations.md). Without it events are only logged.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub on_event: Vec<String>,
+    /// Free space of the disk of `out` below which the event `disk_low` is reported.
+    pub disk_low_mb: DiskLow,
 }

@@ -103,6 +103,7 @@ impl Deployment {
             Event::Exited { process, exit } => self.on_exit(process, exit, now, &mut actions),
             Event::Rebuilt => self.start_anew(now),
             Event::DomainLost => self.begin_rebuild(now, &mut actions),
+            Event::RestartAsked { process } => self.on_restart_request(process, now, &mut actions),
             Event::StopAsked => self.on_stop_request(now, &mut actions),
             Event::StoodStill(standstill) => self.give_time_again(standstill, now, &mut actions),
             Event::Tick => {}
@@ -182,6 +183,7 @@ impl Deployment {
         };
         let cause = if hung { it.cause.clone() } else { exit.to_string() };
         let repeats = it.repeats(&exit);
+        let requested = std::mem::take(&mut it.restart_requested);
         self.note_progress(now);
         match (exit, asked) {
             (Exit::Finished, _) => self.finish(process, actions),
@@ -199,6 +201,7 @@ impl Deployment {
                 self.set(process, State::Waiting);
                 self.begin_rebuild(now, actions);
             }
+            (_, None) if requested => self.set(process, State::Backoff { until: now }),
             (_, None) if repeats => {
                 self.fail(process, format!("{cause}; the same error twice at the same place, not started again"), actions);
             }
@@ -242,6 +245,27 @@ impl Deployment {
                 self.fail(process, budget, actions);
             }
         }
+    }
+
+    /// Starts another child on request. That counts for no budget, and a process that has failed for good has its whole budget again.
+    fn on_restart_request(&mut self, process: usize, now: Duration, actions: &mut Vec<Action>) {
+        let Some(it) = self.processes.get_mut(process).filter(|_| self.phase == Phase::Running) else { return };
+        match it.state {
+            State::Starting { .. } | State::Running { .. } => {
+                it.state = State::Killed;
+                it.restart_requested = true;
+                actions.push(Action::Kill(process));
+            }
+            State::Backoff { .. } | State::Failed => {
+                it.state = State::Backoff { until: now };
+                it.last_error = None;
+                it.restarts.clear();
+            }
+            // The next child comes anyway, or none is needed any more.
+            State::Killed | State::Waiting | State::Stopping { .. } | State::Finished => return,
+        }
+        it.cause.clear();
+        actions.push(Action::Tell(Notice::RestartRequested { process }));
     }
 
     fn kill_what_hangs(&mut self, now: Duration, actions: &mut Vec<Action>) {

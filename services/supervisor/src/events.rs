@@ -31,6 +31,11 @@ pub enum Event {
     Tick,
     /// The supervisor has not looked for a while, and received nothing.
     StoodStill(Standstill),
+    /// A process is to be restarted on request.
+    RestartAsked {
+        /// Its place in the start order.
+        process: usize,
+    },
     /// The run is to end: in order at first, with more force at every further request.
     StopAsked,
 }
@@ -72,6 +77,11 @@ pub enum Notice {
         /// Until the next start.
         after: Duration,
     },
+    /// A process is restarted on request.
+    RestartRequested {
+        /// Its place in the start order.
+        process: usize,
+    },
     /// A child hangs and is killed.
     Hangs {
         /// Its place in the start order.
@@ -107,6 +117,20 @@ pub enum Notice {
     },
     /// The supervisor has not looked for a while.
     StoodStill(Standstill),
+    /// Messages did not arrive, or are missing in the log.
+    Lost {
+        /// Its place in the start order.
+        process: usize,
+        /// How many so far, parts of the log included.
+        count: u64,
+    },
+    /// The disk of the output folder is nearly full.
+    DiskLow {
+        /// The folder.
+        path: PathBuf,
+        /// What is left, MB.
+        free_mb: u64,
+    },
 }
 
 /// Time in which the supervisor did not look.

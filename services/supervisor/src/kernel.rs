@@ -6,7 +6,10 @@ use rustix::process::{PidfdFlags, WaitId, WaitIdOptions, getpid, pidfd_open, wai
 use std::os::fd::AsFd;
 
 /// Refuses a kernel or a sandbox without descriptors of processes: `pidfd_open` came with Linux 5.3, waiting by one with Linux 5.4.
-pub(crate) fn check_kernel() -> Result<(), RunError> {
+///
+/// # Errors
+/// The call that is missing.
+pub fn check_kernel() -> Result<(), RunError> {
     let missing = |call, error: Errno| RunError::Kernel { call, source: error.into() };
     let own = pidfd_open(getpid(), PidfdFlags::empty()).map_err(|error| missing("pidfd_open", error))?;
     match waitid(WaitId::PidFd(own.as_fd()), WaitIdOptions::EXITED | WaitIdOptions::NOHANG) {

@@ -84,7 +84,7 @@ pub enum State {
         /// Its last heartbeat.
         last_heartbeat: Duration,
     },
-    /// A child hung and was killed; its exit is still to come.
+    /// A child hung or is replaced on request, and was killed; its exit is still to come.
     Killed,
     /// No child; the next one starts later.
     Backoff {
@@ -118,11 +118,22 @@ pub struct Lifecycle {
     pub(crate) last_error: Option<(Exit, u64)>,
     /// Why it is down or was killed.
     pub(crate) cause: String,
+    /// Its child was killed for a requested restart, which counts for no budget.
+    pub(crate) restart_requested: bool,
 }
 
 impl Lifecycle {
     pub(crate) fn new(plan: Plan, seed: u64) -> Self {
-        Self { plan, state: State::Waiting, restarts: Restarts::new(seed), starts: 0, work: 0, last_error: None, cause: String::new() }
+        Self {
+            plan,
+            state: State::Waiting,
+            restarts: Restarts::new(seed),
+            starts: 0,
+            work: 0,
+            last_error: None,
+            cause: String::new(),
+            restart_requested: false,
+        }
     }
 
     /// Whether a child of it runs.

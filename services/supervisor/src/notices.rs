@@ -66,7 +66,7 @@ impl Log {
 }
 
 /// The process that a notice is about, and the line.
-fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
+pub(crate) fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
     let name = |process: usize| deployment.processes().get(process).map_or("", |it| it.plan().name.as_str());
     let info = |text: String| Line { level: Level::INFO, text };
     let warning = |text: String| Line { level: Level::WARN, text };
@@ -79,6 +79,7 @@ fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
         Notice::Restarting { process, cause, after } => {
             (name(*process), warning(format!("{cause}; starts again in {:.2} s", after.as_secs_f64())))
         }
+        Notice::RestartRequested { process } => (name(*process), info("restarts on request".to_owned())),
         Notice::Hangs { process, cause } => (name(*process), warning(format!("{cause}; killed"))),
         Notice::Finished { process } => (name(*process), info("finished".to_owned())),
         Notice::Failed { process, cause } => (name(*process), error(format!("failed: {cause}"))),
@@ -98,6 +99,10 @@ fn words<'d>(notice: &Notice, deployment: &'d Deployment) -> (&'d str, Line) {
             SUPERVISOR,
             warning(format!("the computer was suspended for {:.0} s; what the robot did meanwhile is missing", time.as_secs_f64())),
         ),
+        Notice::Lost { process, count } => (name(*process), warning(format!("{count} messages lost so far"))),
+        Notice::DiskLow { path, free_mb } => {
+            (SUPERVISOR, warning(format!("the disk of {} is nearly full: {free_mb} MB are left", path.display())))
+        }
         Notice::Ends(ending) => {
             let line = match *ending {
                 Ending::Complete => info("the drive has ended; what it left is being finished".to_owned()),

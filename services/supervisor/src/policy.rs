@@ -36,6 +36,11 @@ impl Restarts {
         Self { recent: VecDeque::new(), jitter: Jitter(seed) }
     }
 
+    /// Forgets the restarts so far: the whole budget is there again.
+    pub(crate) fn clear(&mut self) {
+        self.recent.clear();
+    }
+
     /// The time of the next restart, or `None` when the budget is spent.
     ///
     /// The delay doubles with every restart that still counts, and varies by a quarter, so that processes that died of one

@@ -5,6 +5,7 @@ use crate::deployment::Deployment;
 use crate::events::{Action, Event, Notice};
 use crate::executable::own_command;
 use crate::guard::Guard;
+use crate::hook::Hook;
 use crate::kernel::check_kernel;
 use crate::leftovers::{self, Origin};
 use crate::lifecycle::{Exit, State};
@@ -18,8 +19,10 @@ use crate::plan::{plans, policy};
 use crate::ports::Ports;
 use crate::program::find_program;
 use crate::removal::Removal;
+use crate::requests::take_restart_requests;
 use crate::running::{Options, Report, RunError};
 use crate::vitals::{MachineUnits, Vitals};
+use crate::watch::{Watch, free_mb};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
 use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Text};
 use runtime::{PersistedState, RunState};
@@ -96,6 +99,8 @@ struct Supervisor<'a> {
     /// When files of the domain are looked for again.
     removal_checked: Duration,
     map: Option<MapSummary>,
+    watch: Watch,
+    hook: Hook,
 }
 
 /// What has to be there before the first process.
@@ -113,6 +118,12 @@ impl Prepared {
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
         Ok(Self { ports: Ports::open(domain, clock)?, settings_path, clock })
     }
+}
+
+/// Shared memory that a deployment takes while its processes keep up, bytes.
+#[must_use]
+pub fn needed_memory(settings: &Settings) -> u64 {
+    bus::needed_memory(settings.process.len(), largest_picture(settings))
 }
 
 /// Bytes of the largest pictures: those of the camera as its settings have them, in colour, or else those that a simulation makes, in
@@ -178,6 +189,8 @@ impl<'a> Supervisor<'a> {
             removal: Removal::default(),
             removal_checked: Duration::ZERO,
             map: None,
+            watch: Watch::new(count),
+            hook: Hook::new(&settings.supervisor.on_event, settings.name.as_str()),
         };
         supervisor.watch_the_guard();
         Ok(supervisor)
@@ -201,11 +214,13 @@ impl<'a> Supervisor<'a> {
             changed = standstill.map_or(Ok(false), |standstill| self.feed(Event::StoodStill(standstill)))?;
             changed |= self.take_heartbeats()?;
             changed |= self.take_stop_requests()?;
+            changed |= self.take_restart_requests()?;
             self.take_summary(on_report)?;
             changed |= self.take_output_and_exits()?;
             self.look_for_removed_files()?;
             changed |= self.feed_at(Event::Tick, now)?;
             self.watch_the_guard();
+            self.hook.advance(&self.domain);
         }
         self.take_summary(on_report)?;
         self.publish_status(true, on_report)
@@ -239,6 +254,7 @@ impl<'a> Supervisor<'a> {
             child.signal(Signal::KILL);
         }
         self.children.clear();
+        self.hook.finish(&self.domain);
         let outcome = Outcome::of(&self.deployment, self.map);
         drop(self.ports);
         let closed = match self.domain.close() {
@@ -300,7 +316,10 @@ impl<'a> Supervisor<'a> {
                 self.rebuild_domain()?;
                 return Ok(Some(Event::Rebuilt));
             }
-            Action::Tell(notice) => self.ports.as_mut().map_or(Ok(()), |ports| ports.log.tell(&notice, &self.deployment))?,
+            Action::Tell(notice) => {
+                self.hook.notice(&notice, &self.deployment);
+                self.ports.as_mut().map_or(Ok(()), |ports| ports.log.tell(&notice, &self.deployment))?;
+            }
         }
         Ok(None)
     }
@@ -388,6 +407,17 @@ impl<'a> Supervisor<'a> {
         while let Ok(count @ 1..) = self.stop_requests.read(&mut requests) {
             for _ in 0..count {
                 changed |= self.feed(Event::StopAsked)?;
+            }
+        }
+        Ok(changed)
+    }
+
+    fn take_restart_requests(&mut self) -> Result<bool, RunError> {
+        let mut changed = false;
+        for name in take_restart_requests(self.domain.directory()) {
+            match self.settings.process.iter().position(|it| it.name.as_str() == name) {
+                Some(process) => changed |= self.feed(Event::RestartAsked { process })?,
+                None => tracing::warn!("a restart of {name} was requested, which is no process of this deployment"),
             }
         }
         Ok(changed)
@@ -508,14 +538,27 @@ impl<'a> Supervisor<'a> {
                 ports.statuses.send(self.statuses, self.clock.now_ns(), &status)?;
             }
             on_report(Report::Status(&status));
+            if due {
+                self.report_what_lacks(&status, now)?;
+            }
         }
         Ok(())
+    }
+
+    /// Reports lost messages, and a disk that is nearly full.
+    fn report_what_lacks(&mut self, status: &DeploymentStatus, now: Duration) -> Result<(), RunError> {
+        let mut notices = self.watch.losses(status, now);
+        if self.watch.disk_is_due(now) {
+            let (out, low_mb) = (&self.settings.out, self.settings.supervisor.disk_low_mb.get());
+            notices.extend(free_mb(out).and_then(|free_mb| self.watch.disk(out, free_mb, low_mb)));
+        }
+        notices.into_iter().try_for_each(|notice| self.act(Action::Tell(notice)).map(drop))
     }
 
     /// No process stays a zombie while the run lasts, whatever started it.
     fn reap_strangers(&self) {
         let children = self.children.iter().flatten().map(Child::pid);
-        let known: Vec<u32> = children.chain(self.guard.as_ref().map(Guard::pid)).collect();
+        let known: Vec<u32> = children.chain(self.guard.as_ref().map(Guard::pid)).chain(self.hook.pid()).collect();
         leftovers::reap_strangers(|pid| known.contains(&pid));
     }
 

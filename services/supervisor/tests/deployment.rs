@@ -93,6 +93,43 @@ fn a_process_that_another_program_stops_starts_again() {
 }
 
 #[test]
+fn a_requested_restart_kills_and_spends_no_budget() {
+    let mut it = running_demo();
+    for restart in 1..=5 {
+        let actions = it.step(Event::RestartAsked { process: 1 }, ms(100));
+        assert_eq!((commands(&actions), notices(&actions)), (vec![Action::Kill(1)], vec![Notice::RestartRequested { process: 1 }]));
+        assert_eq!(it.step(Event::RestartAsked { process: 1 }, ms(100)), [], "it restarts already");
+        assert_eq!(it.step(exited(1, Exit::Signal(9)), ms(100)), [Action::Spawn { process: 1, incarnation: restart }]);
+        it.step(heartbeat(1, 0), ms(100));
+    }
+    assert_eq!(it.ending(), None);
+}
+
+#[test]
+fn a_failed_process_is_restarted_on_request() {
+    let mut it = running_demo();
+    for round in [0, 1] {
+        for _ in 0..=policy().restarts {
+            it.step(exited(1, Exit::Code(1)), ms(200));
+            it.step(Event::Tick, ms(10_000));
+        }
+        assert_eq!(it.processes()[1].state(), &State::Failed, "round {round}");
+        let actions = it.step(Event::RestartAsked { process: 1 }, ms(10_000));
+        assert!(matches!(commands(&actions)[..], [Action::Spawn { process: 1, .. }]), "{actions:?}");
+    }
+}
+
+#[test]
+fn what_ends_or_has_finished_is_not_restarted() {
+    let mut it = running_demo();
+    it.step(exited(0, Exit::Finished), ms(100));
+    assert_eq!(it.step(Event::RestartAsked { process: 0 }, ms(100)), []);
+    it.step(Event::StopAsked, ms(100));
+    assert_eq!(it.step(Event::RestartAsked { process: 1 }, ms(100)), []);
+    assert_eq!(it.step(Event::RestartAsked { process: 99 }, ms(100)), []);
+}
+
+#[test]
 fn a_hung_process_is_killed_and_restarted() {
     let mut it = running_demo();
     for at in [1000, 2005] {

@@ -22,7 +22,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::process::{ExitCode, Stdio};
 use std::time::Duration;
-use stillmap_supervisor::{Ending, Options, Outcome, Report, guard, run};
+use stillmap_supervisor::{Ending, Options, Outcome, Report, guard, request_restart, run};
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -55,6 +55,9 @@ const TESTS: &[(&str, fn())] = &[
     ("killed_processes_come_back", killed_processes_come_back),
     ("a_hung_process_is_killed", a_hung_process_is_killed),
     ("a_process_that_keeps_dying_fails", a_process_that_keeps_dying_fails),
+    ("a_requested_restart_counts_for_no_budget", a_requested_restart_counts_for_no_budget),
+    ("each_event_starts_the_program_once", each_event_starts_the_program_once),
+    ("a_program_for_events_that_hangs_is_killed", a_program_for_events_that_hangs_is_killed),
     ("bad_input_ends_the_run_at_once", bad_input_ends_the_run_at_once),
     ("a_broken_domain_is_made_anew", a_broken_domain_is_made_anew),
     ("a_child_that_ignores_sigterm_is_killed", a_child_that_ignores_sigterm_is_killed),
@@ -181,6 +184,45 @@ fn a_process_that_keeps_dying_fails() {
     assert_eq!((outcome.ending, outcome.exit_code(), restarts(&outcome, "dies")), (Ending::Complete, 3, 3));
     let failures: Vec<_> = outcome.failures().collect();
     assert_eq!(failures, [("dies", "ended with exit code 7; 3 restarts in 30 s were not enough")]);
+}
+
+fn a_requested_restart_counts_for_no_budget() {
+    let text = settings_with(&["waits", "ends-after-a-restart"], &[("restarts", 0.0)]);
+    let mut requested = false;
+    let outcome = run(&Settings::parse("test", &text).unwrap(), &options(), &mut |report| {
+        let Report::Status(status) = report else { return };
+        if !requested && status.processes[..2].iter().all(|it| it.state == ProcessState::Running as u32) {
+            let domain = RunningDomain::all().unwrap().pop().unwrap();
+            // A name that no process has is ignored.
+            request_restart(domain.directory(), "nothing").unwrap();
+            request_restart(domain.directory(), "waits").unwrap();
+            requested = true;
+        }
+    });
+    let outcome = outcome.unwrap();
+    assert_eq!((outcome.exit_code(), restarts(&outcome, "waits"), restarts(&outcome, "ends-after-a-restart")), (0, 1, 0));
+}
+
+fn each_event_starts_the_program_once() {
+    let events = std::env::current_dir().unwrap().join("events");
+    let script = "echo $STILLMAP_DEPLOYMENT $STILLMAP_EVENT $STILLMAP_EVENT_PROCESS: $STILLMAP_EVENT_MESSAGE >> \"$0\"";
+    let hook = format!("[supervisor]\non_event = [\"sh\", \"-c\", {script:?}, {events:?}]");
+    let (outcome, _) = supervise_text(&settings(&["dies", "ends-after-a-failure"]).replace("[supervisor]", &hook));
+    assert_eq!(outcome.exit_code(), 3);
+    let said = std::fs::read_to_string(events).unwrap();
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines.len(), 4, "{said}");
+    assert!(lines[..3].iter().all(|line| line.starts_with("test degraded dies: ended with exit code 7; starts again in ")), "{said}");
+    assert_eq!(lines[3], "test failed dies: failed: ended with exit code 7; 3 restarts in 30 s were not enough");
+}
+
+fn a_program_for_events_that_hangs_is_killed() {
+    let pids = std::env::current_dir().unwrap().join("pids");
+    let hook = format!("[supervisor]\non_event = [\"sh\", \"-c\", \"echo $$ >> \\\"$0\\\"; exec sleep 3600\", {pids:?}]");
+    let (outcome, _) = supervise_text(&settings(&["dies", "ends-after-a-failure"]).replace("[supervisor]", &hook));
+    assert_eq!((outcome.ending, outcome.exit_code()), (Ending::Complete, 3));
+    let first: i32 = std::fs::read_to_string(pids).unwrap().lines().next().unwrap().parse().unwrap();
+    assert!(rustix::process::test_kill_process(Pid::from_raw(first).unwrap()).is_err(), "it outlives its time");
 }
 
 fn bad_input_ends_the_run_at_once() {

@@ -10,12 +10,15 @@ use crate::access::{Access, Rejection};
 use crate::board::{Board, Cursor};
 use crate::http::{self, Request};
 use crate::link::{Flushed, Link, Reply};
+use crate::metrics;
 use crate::page;
 
 /// Longest message from a browser, bytes.
 const LONGEST_COMMAND: usize = 1024;
 /// Path of the page's data.
 const LIVE: &str = "/live";
+/// Path of the metrics for Prometheus.
+const METRICS: &str = "/metrics";
 
 /// A command for the replay.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -34,6 +37,8 @@ pub struct Site<'a> {
     pub access: &'a Access,
     /// Whether there is a replay to command.
     pub accepts_commands: bool,
+    /// The newest state of the processes as metrics; `None` before the first.
+    pub metrics: Option<&'a str>,
 }
 
 /// The result of an offer.
@@ -134,6 +139,10 @@ fn answer(request: &Request, site: Site<'_>) -> Reply<Cursor> {
             return Reply::Switch { head: http::switch(key, None), longest: LONGEST_COMMAND, peer: Cursor::default() };
         }
         (LIVE, None) => http::error("426 Upgrade Required", "this path is for WebSocket only"),
+        (METRICS, _) => match site.metrics {
+            Some(metrics) => http::response("200 OK", metrics::CONTENT_TYPE, metrics),
+            None => http::error("503 Service Unavailable", "no status of the supervisor has been received"),
+        },
         (path, _) => match page::file(path) {
             Some(file) => http::response("200 OK", file.content_type, file.body),
             None => http::error("404 Not Found", "not found: the page is at /"),

@@ -21,6 +21,8 @@ pub struct Server {
     connections: Vec<Connection<TcpStream>>,
     /// Counters.
     pub served: Served,
+    /// The newest state of the processes, as [`crate::metrics()`] has it.
+    pub metrics: Option<String>,
 }
 
 /// Counters of a server.
@@ -40,7 +42,7 @@ impl Server {
     /// A server at this address, at the first free port of ten.
     pub fn new(address: IpAddr, first_port: u16, access: Access, accepts_commands: bool) -> Self {
         let listener = Listener::new("page", address, first_port);
-        Self { listener, access, accepts_commands, connections: Vec::new(), served: Served::default() }
+        Self { listener, access, accepts_commands, connections: Vec::new(), served: Served::default(), metrics: None }
     }
 
     /// The descriptors that wake the process.
@@ -52,7 +54,7 @@ impl Server {
     /// Accepts connections and reads requests; returns the commands.
     pub fn advance(&mut self, now: Instant) -> Vec<Command> {
         self.accept(now);
-        let site = Site { access: &self.access, accepts_commands: self.accepts_commands };
+        let site = Site { access: &self.access, accepts_commands: self.accepts_commands, metrics: self.metrics.as_deref() };
         let commands = self.connections.iter_mut().flat_map(|connection| connection.advance(site, now)).collect();
         self.connections.retain(|connection| !connection.is_closed());
         commands

@@ -19,6 +19,7 @@ struct Ends {
     server: Connection<UnixStream>,
     client: UnixStream,
     access: Access,
+    metrics: Option<String>,
     now: Instant,
 }
 
@@ -27,11 +28,11 @@ impl Ends {
         let (server, client) = UnixStream::pair().unwrap();
         server.set_nonblocking(true).unwrap();
         let now = Instant::now();
-        Self { server: Connection::new(server, now), client, access: Access::new("127.0.0.1".parse().unwrap(), None), now }
+        Self { server: Connection::new(server, now), client, access: Access::new("127.0.0.1".parse().unwrap(), None), metrics: None, now }
     }
 
     fn advance(&mut self) -> Vec<Command> {
-        self.server.advance(Site { access: &self.access, accepts_commands: true }, self.now)
+        self.server.advance(Site { access: &self.access, accepts_commands: true, metrics: self.metrics.as_deref() }, self.now)
     }
 
     /// Sends a request and reads the whole response.
@@ -65,6 +66,18 @@ impl Ends {
 
 fn tile(column: i32, value: f32) -> MapTile {
     MapTile { cell_m: 0.05, column, tiles_in_layer: 1, log_odds: [value; TILE_CELLS], ..MapTile::default() }
+}
+
+#[test]
+fn metrics_are_served_once_there_is_a_status() {
+    let request = "GET /metrics HTTP/1.1\r\nHost: localhost:8088\r\n\r\n";
+    assert!(Ends::new().ask(request).starts_with("HTTP/1.1 503 "));
+    let answer = Ends { metrics: Some("stillmap_up 1\n".to_owned()), ..Ends::new() }.ask(request);
+    assert!(answer.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\n"), "{answer}");
+    assert!(answer.ends_with("\r\n\r\nstillmap_up 1\n"), "{answer}");
+    let access = Access::new("0.0.0.0".parse().unwrap(), Some("0123456789abcdef"));
+    let refused = Ends { access, metrics: Some(String::new()), ..Ends::new() }.ask(request);
+    assert!(refused.starts_with("HTTP/1.1 401 "), "without the token of the page: {refused}");
 }
 
 #[test]

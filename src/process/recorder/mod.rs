@@ -7,7 +7,7 @@ use ::recorder::{RunLog, Written};
 use anyhow::{Result, anyhow};
 use description::describe;
 use inputs::Inputs;
-use messages::{CameraFrame, DeploymentStatus, ProcessStatus, SonarScan};
+use messages::{CameraFrame, Counter, DeploymentStatus, ProcessStatus, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, Snapshot, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{Pace, Settings};
@@ -23,9 +23,9 @@ const RETRY: Duration = Duration::from_secs(1);
 /// Time between two looks at whether the disk has taken the log.
 const SYNC_POLL: Duration = Duration::from_millis(10);
 /// Counter of messages that are not in the log.
-pub(crate) const NOT_RECORDED: &str = "messages not recorded";
+pub(crate) const NOT_RECORDED: &str = Counter::NOT_RECORDED;
 /// Counter of parts of the log that were removed, moved or truncated.
-pub(crate) const PARTS_LOST: &str = "log parts lost";
+pub(crate) const PARTS_LOST: &str = Counter::PARTS_LOST;
 
 /// Records until every other process of the run is over.
 ///

@@ -125,6 +125,9 @@ impl Viewer {
 
     fn note(&mut self, taken: &Taken, now: Instant) {
         self.scene_changed |= taken.scene;
+        if let Some(status) = &taken.status {
+            self.server.metrics = Some(::viewer::metrics(status));
+        }
         if self.over_since.is_none() && taken.status.is_some_and(|status| self.others_are_over(&status)) {
             self.over_since = Some(now);
         }
