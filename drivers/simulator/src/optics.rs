@@ -89,3 +89,22 @@ impl Optics {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_camera_as_built_is_off_by_the_errors_in_the_seeds_directions() {
+        let nominal = Optics::default();
+        assert_eq!(nominal.as_built(&CalibrationError::NONE, 5).height_m, nominal.height_m);
+        for (seed, signs) in [(0, [1.0, 1.0, 1.0]), (1, [-1.0, 1.0, 1.0]), (2, [1.0, -1.0, 1.0]), (4, [1.0, 1.0, -1.0])] {
+            let built = nominal.as_built(&CalibrationError::default(), seed);
+            let off =
+                [built.focal_px() / nominal.focal_px() - 1.0, built.horizon_px() - nominal.horizon_px(), built.height_m - nominal.height_m];
+            for ((off, sign), size) in off.iter().zip(signs).zip([0.03, 2.0, 0.03]) {
+                assert!((off - sign * size).abs() < 1e-9, "seed {seed}: {off}, expected {}", sign * size);
+            }
+        }
+    }
+}

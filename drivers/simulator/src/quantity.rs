@@ -80,6 +80,8 @@ quantities! {
     WalkSpeed: 0.05..=3.0, "0.05 to 3 m/s", default 1.2;
     /// Length of a step.
     StepLength: 0.1..=1.2, "0.1 to 1.2 m", default 0.6;
+    /// Height of a walker; legs and shoulders are in proportion.
+    WalkerHeight: 0.8..=2.1, "0.8 to 2.1 m", default 1.7;
     /// A length of something built.
     BuiltLength: 0.01..=100.0, "0.01 to 100 m";
     /// How high something stands above the floor, for the camera; sound is flat.

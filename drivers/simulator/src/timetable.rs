@@ -37,3 +37,19 @@ impl Timetable {
         self.walkers.iter().filter_map(move |walker| walker.stance(time_s)).map(|stance| stance.place.into())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_walkers_in_the_world_have_a_place() {
+        let world = "walker = [{ from_m = [0, 1], start_s = 2, speed_m_s = 1, way = [{ to_m = [4, 1] }] }]\n\
+                     robot = { start_m = [0, 0], speed_m_s = 0.5, way = [{ to_m = [2, 0] }] }";
+        let times = Timetable::of(&document::parse("test", world).unwrap());
+        let walkers = |time_s| times.walkers_m(time_s).collect::<Vec<_>>();
+        assert_eq!((walkers(1.9), walkers(3.0), walkers(6.1)), (vec![], vec![[1.0, 1.0]], vec![]));
+        // The robot stands for a second first.
+        assert_eq!((times.robot(3.0).x_m, times.end_s()), (1.0, 5.0));
+    }
+}

@@ -6,6 +6,9 @@ use crate::geometry::{Circle, Vector, angle, direction};
 use crate::journey::{Journey, Moment, Turning, Waypoint};
 use crate::world;
 
+/// Height of the walker that the lengths below are those of, m.
+const HEIGHT_M: f64 = 1.7;
+
 /// Radius of a trousered shin at the height of the sonars, m.
 const LEG_RADIUS_M: f64 = 0.07;
 
@@ -17,6 +20,8 @@ pub(crate) const HALF_STANCE_M: f64 = 0.09;
 pub(crate) struct Walker {
     journey: Journey,
     step_m: f64,
+    /// Factor on every length of the body.
+    scale: f64,
 }
 
 /// How a walker stands in the middle of a step.
@@ -32,6 +37,8 @@ pub(crate) struct Stance {
     pub(crate) reach_m: f64,
     /// Whether the left leg is in the air; otherwise the right one is, unless the walker stands.
     pub(crate) left_swings: bool,
+    /// Size of the body against one of 1.7 m.
+    pub(crate) scale: f64,
 }
 
 impl Walker {
@@ -41,7 +48,7 @@ impl Walker {
         let onward = waypoints.first().map_or(Vector::zeros(), |first| first.place - from);
         let start = Pose { x_m: from.x, y_m: from.y, yaw_rad: angle(&onward) };
         let journey = Journey::new(walker.start_s.get(), start, walker.speed_m_s.get(), Turning::AtOnce, &waypoints);
-        Self { journey, step_m: walker.step_m.get() }
+        Self { journey, step_m: walker.step_m.get(), scale: walker.height_m.get() / HEIGHT_M }
     }
 
     /// The middle of the body; of a walker who has not come yet or has left, the nearer end of the way.
@@ -52,10 +59,10 @@ impl Walker {
 
     /// The two legs, left and right; `None` while the walker is not in the world.
     pub(crate) fn legs(&self, time_s: f64) -> Option<[Circle; 2]> {
-        let Stance { place, ahead, stride_m, .. } = self.stance(time_s)?;
-        let left = Vector::new(-ahead.y, ahead.x) * HALF_STANCE_M;
+        let Stance { place, ahead, stride_m, scale, .. } = self.stance(time_s)?;
+        let left = Vector::new(-ahead.y, ahead.x) * (HALF_STANCE_M * scale);
         let stride = ahead * stride_m;
-        Some([place + left + stride, place - left - stride].map(|centre| Circle { centre, radius_m: LEG_RADIUS_M }))
+        Some([place + left + stride, place - left - stride].map(|centre| Circle { centre, radius_m: LEG_RADIUS_M * scale }))
     }
 
     /// How the walker stands; `None` while the walker is not in the world.
@@ -77,6 +84,7 @@ impl Walker {
             stride_m: swing * reach_m,
             reach_m,
             left_swings,
+            scale: self.scale,
         })
     }
 }
@@ -116,6 +124,14 @@ mod tests {
             }
         }
         assert!(stood >= 18, "{stood} of 20: the rest may be the moments at which the feet change");
+    }
+
+    #[test]
+    fn legs_are_in_proportion_to_the_height() {
+        let walker = "from_m = [0, 0]\nheight_m = 0.85\nway = [{ to_m = [4, 0], stop_s = 3 }]";
+        let [left, right] = Walker::new(&document::parse("test", walker).unwrap()).legs(5.0).unwrap();
+        assert!(((left.centre - right.centre).norm() - HALF_STANCE_M).abs() < 1e-9, "{left:?} {right:?}");
+        assert!((left.radius_m - LEG_RADIUS_M / 2.0).abs() < 1e-9, "{left:?}");
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use crate::quantity::{
     BlindRange, BuiltHeight, BuiltLength, Crosstalk, DriveSpeed, EchoLimit, EdgeLimit, ErrorShare, HalfBeam, Heading, HeadingWander,
     Mirrored, Missed, Position, RangeNoise, RangeNoiseShare, RoughCritical, Seconds, SmoothCritical, StepLength, TurnSpeed, WalkSpeed,
+    WalkerHeight,
 };
 pub use crate::wall::Wall;
 
@@ -180,6 +181,9 @@ pub struct Walker {
     /// Length of a step.
     #[serde(default)]
     pub step_m: StepLength,
+    /// Height. Legs and shoulders are in proportion.
+    #[serde(default)]
+    pub height_m: WalkerHeight,
     /// `[[walker.way]]`: the places to walk to, in order; at the last one the walker leaves.
     #[serde(rename = "way")]
     pub path: Vec<Goal>,

@@ -91,10 +91,17 @@ pub(super) fn limbs(view: &View, stance: &Stance, clothes: &Clothes, limbs: &mut
     limbs.extend(pieces(stance, clothes).iter().filter_map(|piece| piece.seen_by(view)));
 }
 
+/// The pieces of a body of 1.7 m, scaled to the size of the walker.
 fn pieces(stance: &Stance, clothes: &Clothes) -> Vec<Piece> {
+    let (scale, scale_f32) = (stance.scale, stance.scale as f32);
+    let stance = Stance { stride_m: stance.stride_m / scale, reach_m: stance.reach_m / scale, ..*stance };
     let left = Vector::new(-stance.ahead.y, stance.ahead.x);
-    let at = |ahead_m: f64, left_m: f64| stance.place + stance.ahead * ahead_m + left * left_m;
-    let piece = |from: (Vector, f32), to: (Vector, f32), radii_m: [f32; 2], cloth: Cloth| Piece { ends: [from, to], radii_m, cloth };
+    let at = |ahead_m: f64, left_m: f64| stance.place + stance.ahead * (ahead_m * scale) + left * (left_m * scale);
+    let piece = |from: (Vector, f32), to: (Vector, f32), radii_m: [f32; 2], cloth: Cloth| Piece {
+        ends: [from, to].map(|(place, height_m)| (place, height_m * scale_f32)),
+        radii_m: radii_m.map(|radius_m| radius_m * scale_f32),
+        cloth,
+    };
     let mut pieces = Vec::with_capacity(24);
     let full_stride = if stance.reach_m > 0.0 { stance.stride_m / stance.reach_m } else { 0.0 };
     for (side, swings) in [(1.0, stance.left_swings), (-1.0, !stance.left_swings)] {

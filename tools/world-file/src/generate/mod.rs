@@ -19,6 +19,8 @@ use crate::parse;
 
 /// Most buildings that are tried for a seed. More than one in two has room for a drive.
 const TRIES: u64 = 200;
+/// The stream of random numbers for the heights of the walkers.
+const HEIGHTS: u64 = 1 << 32;
 
 /// The text of a random world's file.
 ///
@@ -38,6 +40,8 @@ pub fn random_world(seed: u64) -> Option<String> {
         floor::route(&mut plan, &mut chance)?;
         let empty = parse(&name, &plan.text()).ok()?;
         people::people(&mut plan, &empty, &mut chance);
+        chance.set_stream(HEIGHTS);
+        plan.heights_m = people::heights_m(plan.people.len(), &mut chance);
         let text = plan.text();
         parse(&name, &text).ok().map(|_| format!("# A random building with people, seed {seed}.\n{text}"))
     })

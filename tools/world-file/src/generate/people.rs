@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use simulator::quantity::{Position, Seconds, StepLength, WalkSpeed};
+use simulator::quantity::{Position, Seconds, StepLength, WalkSpeed, WalkerHeight};
 use simulator::world::{self, MAX_WALKERS};
 use simulator::{Timetable, World};
 
@@ -43,6 +43,12 @@ pub(super) fn people(plan: &mut Plan, empty: &World, chance: &mut ChaCha8Rng) {
     plan.people.truncate(MAX_WALKERS);
 }
 
+/// Heights of the walkers, m: one in eight is a child.
+pub(super) fn heights_m(walkers: usize, chance: &mut ChaCha8Rng) -> Vec<f64> {
+    let height = |_| if chance.random_bool(0.125) { chance.random_range(1.0..1.4) } else { chance.random_range(1.5..1.95) };
+    (0..walkers).map(height).collect()
+}
+
 /// Whether the robot passes the walker without touching.
 fn keeps_apart(person: &Person, empty: &World) -> bool {
     let Some(walker) = walker(person) else { return false };
@@ -62,6 +68,7 @@ fn walker(person: &Person) -> Option<world::Walker> {
         start_s: Seconds::new(person.start_s)?,
         speed_m_s: WalkSpeed::new(person.speed_m_s)?,
         step_m: StepLength::new(person.step_m)?,
+        height_m: WalkerHeight::default(),
         path: person.path.iter().map(goal).collect::<Option<_>>()?,
     })
 }

@@ -75,6 +75,8 @@ pub(super) struct Plan {
     pub(super) speed_m_s: f64,
     pub(super) path: Vec<Goal>,
     pub(super) people: Vec<Person>,
+    /// Heights of the people, in their order; those without one have the default.
+    pub(super) heights_m: Vec<f64>,
 }
 
 impl Plan {
@@ -114,10 +116,14 @@ impl Plan {
             surface(out, *rough)?;
             writeln!(out)?;
         }
-        for person in &self.people {
+        for (number, person) in self.people.iter().enumerate() {
             let ([x, y], Person { role, start_s, speed_m_s, step_m, path, .. }) = (person.from, person);
             writeln!(out, "# {role}.\n[[walker]]\nfrom_m = [{x:.2}, {y:.2}]\nstart_s = {start_s:.1}\nspeed_m_s = {speed_m_s:.2}")?;
-            writeln!(out, "step_m = {step_m:.2}\nway = [{}]\n", goals(path))?;
+            writeln!(out, "step_m = {step_m:.2}")?;
+            if let Some(height_m) = self.heights_m.get(number) {
+                writeln!(out, "height_m = {height_m:.2}")?;
+            }
+            writeln!(out, "way = [{}]\n", goals(path))?;
         }
         Ok(())
     }
