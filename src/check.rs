@@ -1,4 +1,4 @@
-//! `stillmap check`: settings before they are used, and whether the programs and devices that they name exist.
+//! `stillmap check`: settings and worlds before they are used, and whether the programs and devices that they name exist.
 
 use crate::exit::BadInput;
 use crate::output;
@@ -7,6 +7,8 @@ use drivelog::Log;
 use messages::{CameraFrame, SonarScan};
 use pioneer::{Address, Opening};
 use rustix::fs::OFlags;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 use settings::{BuiltIn, NetworkPort, Port, Program, Settings};
 use std::fs::OpenOptions;
 use std::io;
@@ -21,9 +23,9 @@ const WITHOUT_WAITING: OFlags = OFlags::NONBLOCK.union(OFlags::NOCTTY);
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("what").required(true))]
 pub(crate) struct CheckArgs {
-    /// The settings file
+    /// The file: settings, or a world of the simulator
     #[arg(value_name = "FILE", group = "what")]
-    settings: Option<PathBuf>,
+    file: Option<PathBuf>,
     /// Print the JSON schema of settings files
     #[arg(long, group = "what")]
     schema: bool,
@@ -35,10 +37,10 @@ pub(crate) struct CheckArgs {
     wire: bool,
 }
 
-/// Checks a settings file, or prints the schema or the reference of all settings, or the wire contract.
+/// Checks a file, or prints the schema or the reference of all settings, or the wire contract.
 pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     match args {
-        CheckArgs { settings: Some(settings), .. } => check_file(settings)?,
+        CheckArgs { file: Some(file), .. } => check_file(file)?,
         CheckArgs { schema: true, .. } => output::write(&settings::schema())?,
         CheckArgs { wire: true, .. } => output::write(&messages::reference())?,
         CheckArgs { .. } => output::write(&settings::reference())?,
@@ -46,8 +48,14 @@ pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks a settings file with the files that it names, and prints its processes.
+/// Checks a settings file with the files that it names, and prints its processes; or checks a world.
 fn check_file(path: &Path) -> anyhow::Result<()> {
+    let text = document::read_text(path)?;
+    if is_world(&text) {
+        let world = world_file::parse(&path.display().to_string(), &text)?;
+        output::line(&format!("{}: valid: a world with {} walkers", path.display(), world.walkers.len()))?;
+        return Ok(());
+    }
     let settings = read(path)?;
     let missing: Vec<String> = missing_programs(&settings).into_iter().chain(missing_devices(&settings)).collect();
     if !missing.is_empty() {
@@ -56,6 +64,34 @@ fn check_file(path: &Path) -> anyhow::Result<()> {
     let processes = settings.process.iter().map(|process| process.name.to_string()).collect::<Vec<_>>().join(", ");
     output::line(&format!("{}: valid: deployment {} with the processes {processes}", path.display(), settings.name))?;
     Ok(())
+}
+
+/// The tables by which worlds and settings are told apart: they share `[robot]` only, of which the keys differ.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Tables {
+    name: Option<IgnoredAny>,
+    process: Option<IgnoredAny>,
+    wall: Option<IgnoredAny>,
+    #[serde(rename = "box")]
+    furniture: Option<IgnoredAny>,
+    pillar: Option<IgnoredAny>,
+    walker: Option<IgnoredAny>,
+    robot: Robot,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Robot {
+    start_m: Option<IgnoredAny>,
+    way: Option<IgnoredAny>,
+}
+
+/// Whether this text describes a world. What is neither is refused as settings.
+fn is_world(text: &str) -> bool {
+    let Ok(found) = document::parse::<Tables>("", text) else { return false };
+    let parts = [&found.wall, &found.furniture, &found.pillar, &found.walker, &found.robot.start_m, &found.robot.way];
+    found.name.is_none() && found.process.is_none() && parts.into_iter().any(Option::is_some)
 }
 
 /// Reads settings and checks what their processes would check later.
@@ -132,5 +168,22 @@ fn device_trouble(key: &str, device: &Path, question: &str) -> Option<String> {
         // Another program uses it. The driver waits for that.
         Err(error) if error.kind() == io::ErrorKind::ResourceBusy => None,
         Err(error) => trouble(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worlds_and_settings_are_told_apart() {
+        let hall = include_str!("../config/worlds/hall.toml");
+        for world in [hall, "robot = { start_m = [0, 0] }", "wall = 7", "[[walker]]\nfrom_m = 1"] {
+            assert!(is_world(world), "{world}");
+        }
+        let demo = include_str!("../config/demo.toml");
+        for settings in [demo, "", "[robot", "[robot]\nmodel = \"p3-dx\"", "name = \"x\"\nwall = 7"] {
+            assert!(!is_world(settings), "{settings}");
+        }
     }
 }

@@ -76,7 +76,7 @@ pub(crate) enum Command {
     Log(LogCommand),
     /// Makes a random world for the simulator
     World(WorldArgs),
-    /// Checks a settings file, or prints the reference of all settings or of the messages on the bus
+    /// Checks a settings file or a world, or prints the reference of all settings or of the messages on the bus
     Check(CheckArgs),
     /// Checks whether this computer can run a deployment, and names remedies
     Doctor(DoctorArgs),

@@ -57,6 +57,7 @@ fn unusable_worlds_are_refused_with_their_file() {
         bad(|world| world["wall"][0]["along_m"].as_array_mut().unwrap().truncate(1)),
     ] {
         let world = worlds::write(&sandbox, &world);
+        assert_refused(&sandbox, &["check", name(&world)], &["world.toml:"]);
         assert_refused(&sandbox, &["demo", "--world", name(&world), "--out", name(&out)], &["world.toml:"]);
     }
 }

@@ -4,9 +4,9 @@
 
 use geometry::CellSize;
 use mapping::{CommitRule, Input, Mapper};
-use messages::Layer;
+use messages::{FilterVerdict, Layer};
 use simulator::Body;
-use stillmap_evaluate::{Chain, Drive, Labels, Occupancy, Scan, Variation, filter, judge, oracle, read_world, unfiltered};
+use stillmap_evaluate::{Causes, Chain, Drive, Labels, Occupancy, Scan, Variation, filter, judge, oracle, read_world, unfiltered};
 
 /// A room. A walker walks to a place beside the robot's path and stands there until the end. The robot never looks back.
 const ROOM: &str = "
@@ -45,6 +45,21 @@ fn true_labels_take_the_ghosts_out_and_leave_the_walls() {
     assert_eq!((none.ghosts_removed, none.walls_lost, none.net, none.sa, none.da, none.aa), (0.0, 0.0, Some(0.0), 1.0, 0.0, 0.0));
     assert_eq!((all.ghosts_removed, all.walls_lost, all.net, all.sa, all.da, all.aa), (1.0, 0.0, Some(-1.0), 1.0, 1.0, 1.0));
     assert!(all.iou_empty > none.iou_empty && all.precision > none.precision && all.blocked < none.blocked, "{scores:?}");
+}
+
+#[test]
+fn wrong_verdicts_are_counted_by_cause() {
+    let drive = drive(None);
+    let none = Causes::count(&drive, &unfiltered(&drive));
+    // The walker walks to its place ahead of the robot in about 2 s of a drive of 9 s and stands there.
+    assert!(none.standing_ahead.all > 3 * none.moving_ahead.all && none.moving_ahead.all > 0, "{none:?}");
+    assert_eq!((none.standing_ahead.wrong, none.moving_ahead.wrong), (none.standing_ahead.all, none.moving_ahead.all));
+    assert_eq!((none.far_ahead.wrong, none.far_aside.wrong, none.near_walkers.wrong), (0, 0, 0));
+    let all = vec![FilterVerdict { withheld: u32::MAX, ..FilterVerdict::default() }; drive.scans.len()];
+    let all = Causes::count(&drive, &all);
+    assert_eq!((all.standing_ahead.wrong, all.far_aside.wrong), (0, all.far_aside.all));
+    let perfect = Causes::count(&drive, &oracle(&drive));
+    assert_eq!(perfect.standing_ahead.wrong + perfect.moving_ahead.wrong + perfect.far_ahead.wrong + perfect.near_walkers.wrong, 0);
 }
 
 /// A walker comes to a place before the robot, stands there for half a minute and leaves.
