@@ -4,7 +4,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::Point;
-use super::field::{Field, Turned, turned};
+use super::field::{Field, Turned};
 use crate::rigid::Rigid;
 
 /// Cells and deviation of the field, and steps of shift and turn: coarse, then fine. m and rad (1.5° and 0.5°).
@@ -87,7 +87,7 @@ impl Scores {
             let turn = (self.scores.len() / (side * side)) as i32;
             let yaw = self.pose(self.scores.len()).yaw;
             if self.turned.as_ref().is_none_or(|(known, _)| *known != turn) {
-                self.turned = Some((turn, turned(query, yaw)));
+                self.turned = Some((turn, self.field.turned(query, yaw)));
             }
             let Some((_, points)) = &self.turned else { return true };
             let row = self.scores.len()..self.scores.len() + side;

@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 use super::Point;
-use crate::rigid::wrap;
+use crate::rigid::{Rigid, wrap};
 
 /// Bins of directions: two sides of a wall, and walls at right angles, never share one.
 const BINS: usize = 8;
@@ -22,23 +22,12 @@ pub(crate) struct Field {
     values: Vec<f32>,
 }
 
-/// A point of the query, turned: its cell before any shift, where its bin begins, and its weight.
+/// A point of the query, turned: its place from the origin of the field, in cells and before any shift, its bin and its weight.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Turned {
-    pub(crate) place: [f64; 2],
+    place: [f64; 2],
     bin: usize,
     weight: f32,
-}
-
-/// The query turned by an angle.
-pub(crate) fn turned(query: &[Point], yaw: f64) -> Vec<Turned> {
-    let turn = crate::rigid::Rigid::new(0.0, 0.0, yaw);
-    let turn_one = |point: &Point| {
-        let share = (f64::from(point.facing) + yaw) / TAU;
-        let bin = ((share - share.floor()) * BINS as f64) as usize;
-        Turned { place: turn.apply([f64::from(point.x), f64::from(point.y)]), bin: bin.min(BINS - 1), weight: point.weight }
-    };
-    query.iter().map(turn_one).collect()
 }
 
 impl Field {
@@ -61,7 +50,7 @@ impl Field {
 
     fn add(&mut self, point: &Point, deviation: f64, reach: usize) {
         let place = [f64::from(point.x), f64::from(point.y)];
-        let Some([column, row]) = self.cell_at(place) else { return };
+        let Some([column, row]) = self.cell_at(self.in_cells(place)) else { return };
         let (columns, rows) = (
             column.saturating_sub(reach)..(column + reach + 1).min(self.width),
             row.saturating_sub(reach)..(row + reach + 1).min(self.height),
@@ -87,15 +76,31 @@ impl Field {
         }
     }
 
-    fn cell_at(&self, place: [f64; 2]) -> Option<[usize; 2]> {
-        let [x, y] = [0, 1].map(|axis| (place[axis] - self.origin[axis]) / self.cell);
+    /// The query turned by an angle.
+    pub(crate) fn turned(&self, query: &[Point], yaw: f64) -> Vec<Turned> {
+        let turn = Rigid::new(0.0, 0.0, yaw);
+        let turn_one = |point: &Point| {
+            let share = (f64::from(point.facing) + yaw) / TAU;
+            let bin = ((share - share.floor()) * BINS as f64) as usize;
+            let [x, y] = turn.apply([f64::from(point.x), f64::from(point.y)]);
+            Turned { place: self.in_cells([x, y]), bin: bin.min(BINS - 1), weight: point.weight }
+        };
+        query.iter().map(turn_one).collect()
+    }
+
+    fn in_cells(&self, place: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (place[axis] - self.origin[axis]) / self.cell)
+    }
+
+    fn cell_at(&self, [x, y]: [f64; 2]) -> Option<[usize; 2]> {
         (x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64).then_some([x as usize, y as usize])
     }
 
-    /// Sum of the weights of the query, each times the field where the point lies when shifted.
+    /// Sum of the weights of the query, each times the field where the point lies when shifted, m.
     pub(crate) fn score(&self, query: &[Turned], shift: [f64; 2]) -> f32 {
+        let [dx, dy] = shift.map(|metres| metres / self.cell);
         let value = |point: &Turned| {
-            let [column, row] = self.cell_at([point.place[0] + shift[0], point.place[1] + shift[1]])?;
+            let [column, row] = self.cell_at([point.place[0] + dx, point.place[1] + dy])?;
             Some(point.weight * self.values[(point.bin * self.height + row) * self.width + column])
         };
         query.iter().filter_map(value).sum()
@@ -113,7 +118,7 @@ mod tests {
     #[test]
     fn the_score_is_highest_on_the_point() {
         let field = Field::new(&[point(1.0, 2.0, 0.3)], 0.01, 0.1);
-        let score = |x: f32, y: f32, facing: f32| field.score(&turned(&[point(x, y, facing)], 0.0), [0.0, 0.0]);
+        let score = |x: f32, y: f32, facing: f32| field.score(&field.turned(&[point(x, y, facing)], 0.0), [0.0, 0.0]);
         assert!(score(1.0, 2.0, 0.3) > 0.9);
         assert!((score(1.1, 2.0, 0.3) - 0.6).abs() < 0.15, "one deviation aside: {}", score(1.1, 2.0, 0.3));
         assert_eq!(score(2.0, 2.0, 0.3), 0.0);
@@ -122,13 +127,13 @@ mod tests {
     #[test]
     fn the_other_side_of_a_wall_does_not_count() {
         let field = Field::new(&[point(1.0, 2.0, 0.3)], 0.01, 0.1);
-        assert_eq!(field.score(&turned(&[point(1.0, 2.0, 0.3 + std::f32::consts::PI)], 0.0), [0.0, 0.0]), 0.0);
+        assert_eq!(field.score(&field.turned(&[point(1.0, 2.0, 0.3 + std::f32::consts::PI)], 0.0), [0.0, 0.0]), 0.0);
     }
 
     #[test]
     fn shift_and_turn_of_the_query_are_applied() {
         let field = Field::new(&[point(1.0, 2.0, 0.3)], 0.01, 0.1);
-        let query = turned(&[point(0.0, 1.0, 0.3 - 1.0)], 1.0);
+        let query = field.turned(&[point(0.0, 1.0, 0.3 - 1.0)], 1.0);
         let expected = [1.0 + 1.0f64.sin(), 2.0 - 1.0f64.cos()];
         assert!(field.score(&query, expected) > 0.9);
     }
@@ -136,6 +141,6 @@ mod tests {
     #[test]
     fn no_points_make_an_empty_field() {
         let field = Field::new(&[], 0.05, 0.1);
-        assert_eq!(field.score(&turned(&[point(0.0, 0.0, 0.0)], 0.0), [0.0, 0.0]), 0.0);
+        assert_eq!(field.score(&field.turned(&[point(0.0, 0.0, 0.0)], 0.0), [0.0, 0.0]), 0.0);
     }
 }
