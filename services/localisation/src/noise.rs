@@ -74,7 +74,7 @@ mod tests {
     fn the_deviation_of_noisy_ranges_is_found() {
         for deviation_m in [0.01, 0.02, 0.05] {
             let (mut noise, mut state) = (Noise::default(), 1);
-            let ranges: Vec<f64> = (0..4000).map(|k| 1.0 + 0.01 * f64::from(k) + deviation_m * normal(&mut state)).collect();
+            let ranges: Vec<f64> = (0..40_000).map(|k| 1.0 + 0.01 * f64::from(k) + deviation_m * normal(&mut state)).collect();
             ranges.windows(3).for_each(|three| noise.add([three[0], three[1], three[2]]));
             assert!((noise.deviation_m() / deviation_m - 1.0).abs() < 0.06, "{} for {deviation_m}", noise.deviation_m());
         }
