@@ -2,7 +2,8 @@
 //!
 //! Made from the layout that each payload describes itself by. The way there and back changes no bit of a number. Fields that are
 //! reserved are left out. A float that JSON has no number for is `null`, and is read as one that is not a number. Bytes are one text
-//! of hexadecimal digits.
+//! of hexadecimal digits. Two numbers that are an entry of a list are an object of `x` and `y`: tools that draw logs know no list in a
+//! list. Logs of earlier versions have such lists, and they are read.
 
 use core::fmt;
 
@@ -14,6 +15,8 @@ use serde_json::{Map, Value, json};
 
 /// Fields of this name are always 0.
 const RESERVED: &str = "reserved";
+/// The names of two numbers that are an entry of a list.
+const POINT: [&str; 2] = ["x", "y"];
 /// The name of the sequence number among the fields of a message.
 const SEQ: &str = "seq";
 
@@ -66,7 +69,16 @@ fn schema_of(shape: &Shape, doc: &str) -> Value {
         Shape::F32 | Shape::F64 => json!({ "type": "number" }),
         Shape::Text(most) => json!({ "type": "string", "maxLength": most }),
         Shape::Array(Shape::U8, count) => json!({ "type": "string", "minLength": 2 * count, "maxLength": 2 * count }),
-        Shape::Array(entry, count) => json!({ "type": "array", "items": schema_of(entry, ""), "minItems": count, "maxItems": count }),
+        Shape::Array(entry, count) => {
+            let items = match entry {
+                Shape::Array(number, 2) => {
+                    let number = schema_of(number, "");
+                    json!({ "type": "object", "properties": { "x": number, "y": number }, "required": POINT })
+                }
+                _ => schema_of(entry, ""),
+            };
+            json!({ "type": "array", "items": items, "minItems": count, "maxItems": count })
+        }
         Shape::Struct { fields, .. } => {
             let mut properties = Map::new();
             for field in in_order(fields) {
@@ -158,7 +170,10 @@ impl Serialize for Encoded<'_> {
             Shape::Array(entry, count) => {
                 let mut list = serializer.serialize_seq(None)?;
                 for bytes in self.bytes.chunks_exact(entry.size()).take(*count).take(self.shown) {
-                    list.serialize_element(&Encoded { shape: entry, bytes, shown: usize::MAX })?;
+                    match entry {
+                        Shape::Array(number, 2) => list.serialize_element(&Point { number, bytes })?,
+                        _ => list.serialize_element(&Encoded { shape: entry, bytes, shown: usize::MAX })?,
+                    }
                 }
                 list.end()
             }
@@ -168,6 +183,62 @@ impl Serialize for Encoded<'_> {
                 map.end()
             }
         }
+    }
+}
+
+/// Two numbers on their way into JSON.
+struct Point<'a> {
+    number: &'static Shape,
+    bytes: &'a [u8],
+}
+
+impl Serialize for Point<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(POINT.len()))?;
+        for (name, bytes) in POINT.iter().zip(self.bytes.chunks_exact(self.number.size())) {
+            map.serialize_entry(name, &Encoded { shape: self.number, bytes, shown: usize::MAX })?;
+        }
+        map.end()
+    }
+}
+
+/// Bytes of two numbers, all zero, that are read from JSON.
+struct DecodedPoint<'a> {
+    number: &'static Shape,
+    bytes: &'a mut [u8],
+}
+
+impl<'de> DeserializeSeed<'de> for DecodedPoint<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, json: D) -> Result<(), D::Error> {
+        json.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for DecodedPoint<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object of x and y")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        let mut missing = POINT.to_vec();
+        while let Some(name) = map.next_key::<String>()? {
+            let Some(at) = missing.iter().position(|missing| *missing == name) else {
+                map.next_value::<IgnoredAny>()?;
+                continue;
+            };
+            let start = if missing.remove(at) == POINT[0] { 0 } else { self.number.size() };
+            map.next_value_seed(Decoded { shape: self.number, bytes: &mut self.bytes[start..start + self.number.size()] })?;
+        }
+        missing.first().map_or(Ok(()), |name| Err(de::Error::missing_field(name)))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<(), A::Error> {
+        let found = List { entry: self.number, room: POINT.len(), bytes: self.bytes }.visit_seq(list)?;
+        if found == POINT.len() { Ok(()) } else { Err(de::Error::invalid_length(found, &"2 entries")) }
     }
 }
 
@@ -242,7 +313,11 @@ impl<'de> Visitor<'de> for List<'_> {
         let Self { entry, room, bytes } = self;
         let mut count = 0;
         for bytes in bytes.chunks_exact_mut(entry.size()).take(room) {
-            match list.next_element_seed(Decoded { shape: entry, bytes })? {
+            let next = match entry {
+                Shape::Array(number, 2) => list.next_element_seed(DecodedPoint { number, bytes })?,
+                _ => list.next_element_seed(Decoded { shape: entry, bytes })?,
+            };
+            match next {
                 Some(()) => count += 1,
                 None => return Ok(count),
             }
@@ -347,6 +422,10 @@ mod tests {
         check::<Progress>(&long, "invalid length 33, expected a text of at most 32 bytes");
         let points = |count: usize| format!(r#"{{"seq":1,"first":0,"total":0,"points_m":[{}]}}"#, vec!["[1,2]"; count].join(","));
         assert_eq!(decode::<WayChunk>(points(256).as_bytes()).unwrap().1.count, 256);
+        let of = |entry: &str| format!(r#"{{"seq":1,"first":0,"total":0,"points_m":[{entry}]}}"#);
+        assert_eq!(decode::<WayChunk>(of(r#"{"y":2,"z":{},"x":1}"#).as_bytes()).unwrap().1.points_m[0], [1.0, 2.0]);
+        check::<WayChunk>(&of(r#"{"y":2}"#), "missing field `x`");
+        check::<WayChunk>(&of("7"), "invalid type: integer `7`, expected an object of x and y");
         check::<WayChunk>(&points(257), "invalid length 257, expected at most 256 entries");
         check::<WayChunk>(&points(2).replace("1,2", "1"), "invalid length 1, expected 2 entries");
         let hash = |hash: &str| {
@@ -372,7 +451,7 @@ mod tests {
         names.sort();
         assert_eq!(names, ["first", "points_m", "seq", "total"]);
         assert_eq!(schema["properties"]["points_m"]["maxItems"], 256);
-        assert_eq!(schema["properties"]["points_m"]["items"]["minItems"], 2);
+        assert_eq!(schema["properties"]["points_m"]["items"]["required"], json!(["x", "y"]));
         assert!(schema["properties"]["first"]["description"].as_str().is_some_and(|doc| !doc.is_empty()));
     }
 }

@@ -108,6 +108,43 @@ proptest! {
     }
 }
 
+/// Foxglove and Lichtblick report an error for a list in a list.
+struct NoListInList(usize);
+
+impl NoListInList {
+    fn check(&mut self, schema: &serde_json::Value) {
+        assert!(schema["type"] != "array" || schema["items"]["type"] != "array", "{schema}");
+        self.0 += usize::from(schema["type"] == "array");
+        schema["properties"].as_object().into_iter().flatten().for_each(|(_, schema)| self.check(schema));
+        if schema["items"].is_object() {
+            self.check(&schema["items"]);
+        }
+    }
+}
+
+impl LogVisitor for NoListInList {
+    type Error = Infallible;
+
+    fn message<T: Logged>(&mut self) -> Result<(), Infallible> {
+        let format = T::format();
+        if format.schema_encoding == "jsonschema" {
+            self.check(&serde_json::from_slice(&format.schema).unwrap());
+        }
+        Ok(())
+    }
+
+    fn pictures<P: Pictures>(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+#[test]
+fn no_schema_has_a_list_in_a_list() {
+    let mut visitor = NoListInList(0);
+    let Ok(()) = visit_logged(&mut visitor);
+    assert!(visitor.0 > 5, "{} lists", visitor.0);
+}
+
 /// Heartbeats carry no sensor time: a log must not seem to begin in 1970 for their sake.
 #[test]
 fn reports_stand_among_the_sensor_messages_before_them() {
