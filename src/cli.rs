@@ -16,6 +16,7 @@ use crate::replay::{self, ReplayArgs};
 use crate::restart::{self, RestartArgs};
 use crate::run::{self, RunArgs};
 use crate::status::{self, StatusArgs};
+use crate::topic::{self, TopicCommand};
 use crate::world::{self, WorldArgs};
 use crate::{exit, list, process, stop, top};
 use clap::{Parser, Subcommand};
@@ -57,6 +58,9 @@ pub(crate) enum Command {
     Restart(RestartArgs),
     /// Ends a running deployment in order and waits until its map is written
     Stop(Which),
+    /// Lists the topics of a deployment, or prints messages or rates of one in a running deployment
+    #[command(subcommand)]
+    Topic(TopicCommand),
     /// Draws the figures of the paper with the code that runs in a deployment
     Figures(FiguresArgs),
     /// Writes the current map of a running deployment to files
@@ -112,6 +116,7 @@ impl Command {
             Self::Restart(args) => restart::restart(args)?,
             Self::Stop(which) => stop::stop(which)?,
             Self::Top(which) => top::top(which)?,
+            Self::Topic(command) => topic::topic(command)?,
             Self::Figures(args) => figures::figures(args)?,
             Self::Map(args) => map::map(args)?,
             Self::Camera(command) => camera::camera(command)?,

@@ -35,6 +35,7 @@ mod status_json;
 mod stop;
 mod terminal;
 mod top;
+mod topic;
 mod world;
 
 use clap::Parser;

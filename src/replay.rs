@@ -19,6 +19,9 @@ pub(crate) struct ReplayArgs {
     /// How fast the log is played
     #[arg(long, value_enum, default_value_t = Pace::Lockstep)]
     pace: Pace,
+    /// Settings file in place of the settings in the log
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
     #[command(flatten)]
     options: RunOptions,
 }
@@ -33,9 +36,12 @@ pub(crate) enum Pace {
 
 /// Replays a log; the exit code.
 pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
-    let ReplayArgs { log, pace, options } = args;
+    let ReplayArgs { log, pace, settings, options } = args;
     let recorded = read_settings(log)?;
-    let recorded = recorded_settings(log, &recorded)?;
+    let recorded = match settings {
+        Some(file) => Settings::read(file)?,
+        None => recorded_settings(log, &recorded)?,
+    };
     let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {

@@ -21,6 +21,7 @@
 )]
 
 mod bad_input;
+mod bags;
 mod browser;
 mod conditions;
 mod diagnosis;
@@ -53,4 +54,5 @@ mod security;
 mod slow_consumer;
 mod soak;
 mod terminal;
+mod topic;
 mod verbs;

@@ -120,7 +120,11 @@ pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
     match command {
         LogCommand::Info { log, json } => {
             let info = drivelog::info(log)?;
-            output::write(&if *json { format!("{:#}\n", info.to_json()) } else { info.to_string() })?;
+            if *json {
+                output::json(&format!("{:#}", info.to_json()))?;
+            } else {
+                output::write(&info.to_string())?;
+            }
             if !info.is_complete() {
                 return Ok(exit::INCOMPLETE);
             }

@@ -43,7 +43,7 @@ pub use gaps::{Gaps, Missing};
 pub use image::Image;
 pub use info::{ChannelInfo, Info, info};
 pub use log::{Entry, Log, Outcome, Part, Step};
-pub use logged::{Format, LogVisitor, Logged, foxglove_format, visit_logged};
+pub use logged::{Format, LogVisitor, Logged, foxglove_format, to_json, visit_logged};
 pub use mcap_reader::McapReader;
 pub use merge::merge;
 pub use message_reader::RawMessage;

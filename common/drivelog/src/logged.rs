@@ -35,6 +35,12 @@ pub trait Logged: Payload {
     fn decode(data: &[u8]) -> Result<(u64, Self), DecodeError>;
 }
 
+/// A message as JSON in one line, also where a log holds it otherwise: its number among the fields of its payload.
+#[must_use]
+pub fn to_json<T: Payload>(seq: u64, payload: &T) -> String {
+    String::from_utf8(json::encode(seq, payload)).unwrap_or_default()
+}
+
 /// Work to be done for every service of the bus, in its form in a log: see [`visit_logged`].
 pub trait LogVisitor {
     /// What ends the visit.
