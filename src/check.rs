@@ -35,6 +35,9 @@ pub(crate) struct CheckArgs {
     /// Print the wire contract: every service and payload, and the rules for drivers
     #[arg(long, group = "what")]
     wire: bool,
+    /// Print the wire contract as a Python module: every payload as a structure of ctypes
+    #[arg(long, group = "what")]
+    python: bool,
 }
 
 /// Checks a file, or prints the schema or the reference of all settings, or the wire contract.
@@ -43,6 +46,7 @@ pub(crate) fn check(args: &CheckArgs) -> anyhow::Result<()> {
         CheckArgs { file: Some(file), .. } => check_file(file)?,
         CheckArgs { schema: true, .. } => output::write(&settings::schema())?,
         CheckArgs { wire: true, .. } => output::write(&messages::reference())?,
+        CheckArgs { python: true, .. } => output::write(&messages::python_module())?,
         CheckArgs { .. } => output::write(&settings::reference())?,
     }
     Ok(())

@@ -222,7 +222,7 @@ fn expected(service: &Service, layout: u64) -> Result<AttributeVerifier, BusErro
 /// Version and layout of the payload, as the one attribute of its service.
 fn contract(service: &Service, layout: u64) -> Result<(AttributeKey, AttributeValue), BusError> {
     let refused = |error| BusError::refused("cannot describe", service.name, error);
-    let contract = format!("version {} layout {layout:016x}", service.version);
+    let contract = service.contract(layout);
     let key: AttributeKey = "contract".try_into().map_err(refused)?;
     let value: AttributeValue = contract.as_str().try_into().map_err(refused)?;
     Ok((key, value))

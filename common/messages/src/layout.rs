@@ -21,8 +21,8 @@ pub trait Layout {
     /// ```
     /// use stillmap_messages::{Layout, Pose, Shape};
     ///
-    /// let Shape::Struct { fields, size } = Pose::SHAPE else { panic!("a struct") };
-    /// assert_eq!((fields[1].name, fields[1].offset, fields[1].shape, size), ("y_m", 8, Shape::F64, 24));
+    /// let Shape::Struct { name, fields, size } = Pose::SHAPE else { panic!("a struct") };
+    /// assert_eq!((name, fields[1].name, fields[1].offset, fields[1].shape, size), ("Pose", "y_m", 8, Shape::F64, 24));
     /// assert_eq!(fields[1].doc, "Along y of the frame, m.");
     /// ```
     const SHAPE: Shape;
@@ -56,6 +56,8 @@ pub enum Shape {
     Array(&'static Shape, usize),
     /// Fields, without gaps.
     Struct {
+        /// Name of the type.
+        name: &'static str,
         /// In their order in memory.
         fields: &'static [Field],
         /// Bytes of all of them.
@@ -169,6 +171,7 @@ macro_rules! plain {
             };
 
             const SHAPE: $crate::Shape = $crate::Shape::Struct {
+                name: stringify!($name),
                 fields: &[$($crate::Field {
                     name: stringify!($field),
                     doc: concat!($($doc),+).trim_ascii(),

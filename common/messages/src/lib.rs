@@ -41,6 +41,7 @@ mod name;
 mod numbered;
 pub mod payload_bytes;
 mod printable;
+mod python;
 mod range;
 mod reference;
 mod registry;
@@ -63,6 +64,7 @@ pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE,
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
 pub use name::{Text, padded_text};
 pub use printable::printable;
+pub use python::python_module;
 pub use reference::reference;
 pub use registry::{SERVICES, visit_services};
 pub use scan::{AFTER_DOUBT, AFTER_LOSS, MAX_READINGS, Pose, SonarReading, SonarScan};

@@ -14,7 +14,7 @@ use crate::{
 const HEAD: &str = include_str!("wire.md");
 
 /// The enums that travel as numbers.
-const NUMBERS: &[Numbers] = &[
+pub(crate) const NUMBERS: &[Numbers] = &[
     Kind::NUMBERS,
     PixelFormat::NUMBERS,
     CameraStatus::NUMBERS,
@@ -154,7 +154,7 @@ fn yes(is: bool) -> &'static str {
 }
 
 /// Documentation without links of rustdoc, in one line.
-fn plain(doc: &str) -> String {
+pub(crate) fn plain(doc: &str) -> String {
     doc.replace("[`", "`").replace("`]", "`").replace('\n', " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 

@@ -43,6 +43,21 @@ pub struct Service {
     pub shown: bool,
 }
 
+impl Service {
+    /// The attribute `contract` of the service on the bus, for a payload whose layout has this hash.
+    ///
+    /// ```
+    /// use stillmap_messages::{Layout, Payload, SonarScan};
+    ///
+    /// let contract = SonarScan::SERVICE.contract(SonarScan::HASH);
+    /// assert!(contract.starts_with("version 2 layout "), "{contract}");
+    /// ```
+    #[must_use]
+    pub fn contract(&self, layout: u64) -> String {
+        format!("version {} layout {layout:016x}", self.version)
+    }
+}
+
 /// Whether and how the recorder writes a service to the log.
 ///
 /// ```
