@@ -88,7 +88,7 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     let has_motion = settings.expects_camera_motion();
     settings.process.retain(|process| match &process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
-        Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
+        Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation),
         Program::Command(command) => {
             tracing::warn!("process {} is left out: {} may be a driver, which playback replaces", process.name, command.join(" "));
             false

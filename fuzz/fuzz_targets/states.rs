@@ -23,7 +23,7 @@ static SOUND: LazyLock<[Parts; 3]> = LazyLock::new(|| {
 });
 
 fn mapper_parts(mapper: &Mapper) -> Parts {
-    (mapper.save_head(), tiles(mapper.saved_tiles(), |key, bytes| mapper.save_tile(key, bytes)))
+    (mapper.save_head(), tiles(mapper.saved_parts(), |key, bytes| mapper.save_part(key, bytes)))
 }
 
 fn fti_parts(fti: &Fti) -> Parts {

@@ -4,6 +4,7 @@
 
 mod camera;
 pub mod fti;
+pub mod localisation;
 pub mod mapping;
 pub(crate) mod pioneer;
 pub(crate) mod playback;
@@ -36,6 +37,7 @@ pub(crate) fn process(kind: &str) -> anyhow::Result<()> {
         BuiltIn::Std => std::run(shell, &settings)?,
         BuiltIn::Sbs => sbs::run(shell, &settings)?,
         BuiltIn::Fti => fti::run(shell, &settings)?,
+        BuiltIn::Localisation => localisation::run(shell, &settings)?,
         BuiltIn::Pioneer => pioneer::run(shell, &settings)?,
         BuiltIn::Camera => camera::run(shell, &settings)?,
         BuiltIn::Simulator => simulator::run(shell, &settings)?,

@@ -35,7 +35,8 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     };
     let checkpoint = shell.checkpoint();
     let saved = checkpoint.restore(|saved| Checkpoint::from_bytes(saved.state).ok_or("it is of another build"));
-    shell.linger_as_source_until([BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().flat_map(|kind| settings.named(kind)));
+    let consumers = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti, BuiltIn::Localisation];
+    shell.linger_as_source_until(consumers.into_iter().flat_map(|kind| settings.named(kind)));
     let mut scans = shell.writer()?;
     if let Some(saved) = &saved {
         scans.send(saved.seq, saved.stamp_ns, &saved.scan)?;

@@ -420,7 +420,8 @@ mod tests {
         check::<PlaybackControl>(r#"{"seq":1,"speed":1.0,"paused":0}}"#, "trailing characters");
         let long = format!(r#"{{"seq":1,"process":"{}","service":"","answered":0}}"#, "x".repeat(33));
         check::<Progress>(&long, "invalid length 33, expected a text of at most 32 bytes");
-        let points = |count: usize| format!(r#"{{"seq":1,"first":0,"total":0,"points_m":[{}]}}"#, vec!["[1,2]"; count].join(","));
+        let points =
+            |count: usize| format!(r#"{{"seq":1,"first":0,"total":0,"trajectory":0,"points_m":[{}]}}"#, vec!["[1,2]"; count].join(","));
         assert_eq!(decode::<WayChunk>(points(256).as_bytes()).unwrap().1.count, 256);
         let of = |entry: &str| format!(r#"{{"seq":1,"first":0,"total":0,"points_m":[{entry}]}}"#);
         assert_eq!(decode::<WayChunk>(of(r#"{"y":2,"z":{},"x":1}"#).as_bytes()).unwrap().1.points_m[0], [1.0, 2.0]);
@@ -449,7 +450,7 @@ mod tests {
         let mut names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
         // In which order depends on the features of serde_json.
         names.sort();
-        assert_eq!(names, ["first", "points_m", "seq", "total"]);
+        assert_eq!(names, ["first", "points_m", "seq", "total", "trajectory"]);
         assert_eq!(schema["properties"]["points_m"]["maxItems"], 256);
         assert_eq!(schema["properties"]["points_m"]["items"]["required"], json!(["x", "y"]));
         assert!(schema["properties"]["first"]["description"].as_str().is_some_and(|doc| !doc.is_empty()));

@@ -26,12 +26,15 @@
 //! of its type. Readers check the ranges of the values with [`Payload::validate`].
 //!
 //! SI units: metres, radians, seconds; stamps are nanoseconds of sensor time since the Unix epoch (or since the start of an
-//! imported log that has no epoch). Frames: *map* (right-handed, origin where the run starts), *robot* (x forward, y left,
-//! yaw counter-clockwise), *image* (u right, v down).
+//! imported log that has no epoch). Frames, as in ROS REP 105: *map* (right-handed, fixed to the building), *odom* (where the wheels
+//! count from: it drifts against the map), *robot* (x forward, y left, yaw counter-clockwise); *image* (u right, v down). Scans and
+//! what is detected in them are in *odom*; [`RobotEstimate`] has the odometry frame in the map frame. Without localisation both are
+//! the same.
 
 mod camera;
 mod control;
 mod delivery;
+mod estimate;
 mod header;
 mod health;
 mod layout;
@@ -54,13 +57,14 @@ mod verdict;
 pub use camera::{CameraBackground, CameraFrame, CameraMask, FrameHeader, FrameLayout, MAX_FRAME_BYTES, PixelFormat, TruthMask};
 pub use control::{PlaybackControl, SimulatedTime};
 pub use delivery::{Qos, Replay};
+pub use estimate::{EstimateStatus, MAX_MOVED, MAX_SMOOTHED, MovedStretch, RobotEstimate, SmoothedPose, TrajectoryRevision};
 pub use header::{Header, Kind, StreamCursor};
 pub use health::{
     Counter, DeploymentStatus, Heartbeat, InputCounters, LogLevel, LogLine, MAX_COUNTERS, MAX_INPUTS, MAX_PROCESSES, Phase, ProcessState,
     ProcessStatus, Progress,
 };
 pub use layout::{Field, Layout, Shape};
-pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, WayChunk};
+pub use map::{Layer, MAX_WAY_POINTS, MapSummary, MapTile, TILE_CELLS, TILE_EDGE, Trajectory, WayChunk};
 pub use motion::{Blob, CameraMotion, CameraStatus, MAX_BLOBS, MAX_MOVERS, Mover, SonarMotion};
 pub use name::{Text, padded_text};
 pub use printable::printable;

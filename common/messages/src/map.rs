@@ -47,6 +47,22 @@ numbered! {
     }
 }
 
+numbered! {
+    /// Which of two trajectories a piece belongs to.
+    ///
+    /// ```
+    /// use stillmap_messages::{Trajectory, WayChunk};
+    ///
+    /// assert_eq!(Trajectory::from_number(WayChunk::default().trajectory), Some(Trajectory::Robot));
+    /// ```
+    pub enum Trajectory {
+        /// Where the robot was in the map.
+        Robot = 0,
+        /// Where the wheels counted it, in the odom frame. It is published where localisation runs.
+        Odometry = 1,
+    }
+}
+
 plain! {
     /// A square of 32 × 32 cells of the map.
     ///
@@ -90,12 +106,12 @@ plain! {
         pub first: u64,
         /// Positions of the whole trajectory so far.
         pub total: u64,
-        /// x and y of each position in the map frame, m; the first `count` are valid.
+        /// x and y of each position, m; the first `count` are valid.
         pub points_m: [[f32; 2]; MAX_WAY_POINTS] => count,
         /// Number of positions in this piece.
         pub count: u32,
-        /// Always 0.
-        pub reserved: u32,
+        /// [`Trajectory`] as a number.
+        pub trajectory: u32,
     }
 
     /// The finished map in numbers, published once the stream of scans has ended and everything is integrated.
@@ -140,6 +156,7 @@ impl MapTile {
 impl WayChunk {
     pub(crate) fn check(&self) -> Result<(), Invalid> {
         at_most("count", self.count, MAX_WAY_POINTS, "at most 256")?;
+        at_most("trajectory", self.trajectory, 1, "0 or 1")?;
         for point in &self.points_m[..self.count as usize] {
             within("points_m", f64::from(point[0]), -1e6, 1e6, "at most 1000 km from the origin")?;
             within("points_m", f64::from(point[1]), -1e6, 1e6, "at most 1000 km from the origin")?;

@@ -36,13 +36,13 @@ plain! {
         pub robot_x_m: f64,
         /// Centroid in the robot frame, m.
         pub robot_y_m: f64,
-        /// Centroid in the map frame, m.
+        /// Centroid in the odom frame, m.
         pub map_x_m: f64,
-        /// Centroid in the map frame, m.
+        /// Centroid in the odom frame, m.
         pub map_y_m: f64,
-        /// Velocity of its track in the map frame, m/s.
+        /// Velocity of its track in the odom frame, m/s.
         pub velocity_x_m_s: f64,
-        /// Velocity of its track in the map frame, m/s.
+        /// Velocity of its track in the odom frame, m/s.
         pub velocity_y_m_s: f64,
         /// Size in cells (`C_Size`).
         pub cells: u32,

@@ -7,8 +7,8 @@ use core::mem::offset_of;
 use crate::numbered::Numbers;
 use crate::range::{frame_layout_ranges, ranges};
 use crate::{
-    CameraStatus, EchoLabel, Field, FilterAction, FrameHeader, Header, Kind, Layer, Layout, LogLevel, Payload, Phase, Pictures,
-    PixelFormat, ProcessState, Qos, Recorded, Replay, SERVICES, Service, ServiceVisitor, Shape, visit_services,
+    CameraStatus, EchoLabel, EstimateStatus, Field, FilterAction, FrameHeader, Header, Kind, Layer, Layout, LogLevel, Payload, Phase,
+    Pictures, PixelFormat, ProcessState, Qos, Recorded, Replay, SERVICES, Service, ServiceVisitor, Shape, Trajectory, visit_services,
 };
 
 const HEAD: &str = include_str!("wire.md");
@@ -20,6 +20,8 @@ pub(crate) const NUMBERS: &[Numbers] = &[
     CameraStatus::NUMBERS,
     FilterAction::NUMBERS,
     Layer::NUMBERS,
+    Trajectory::NUMBERS,
+    EstimateStatus::NUMBERS,
     Phase::NUMBERS,
     LogLevel::NUMBERS,
     ProcessState::NUMBERS,

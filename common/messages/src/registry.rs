@@ -9,8 +9,8 @@ use crate::delivery::{Qos, Replay};
 use crate::service::{Invalid, Payload, Pictures, Recorded, Service, ServiceVisitor};
 use crate::{
     CameraBackground, CameraFrame, CameraMask, CameraMotion, DeploymentStatus, FilterVerdict, Heartbeat, LogLine, MapSummary, MapTile,
-    PlaybackControl, Progress, SimulatedTime, SonarMotion, SonarScan, TruthMask, TruthScan, TruthSurfaces, VerdictOutlook, Walkers,
-    WayChunk,
+    PlaybackControl, Progress, RobotEstimate, SimulatedTime, SonarMotion, SonarScan, TrajectoryRevision, TruthMask, TruthScan,
+    TruthSurfaces, VerdictOutlook, Walkers, WayChunk,
 };
 
 /// Declares services: `message TYPE { field: value, … }` or `pictures TYPE (largest picture in bytes) { … }`, with the fields of
@@ -142,7 +142,7 @@ services! {
         name: "robot/scan",
         version: 2,
         from: &["pioneer", "playback"],
-        to: &["mapping", "std", "fti", "simulator", "recorder", "viewer"],
+        to: &["mapping", "std", "fti", "localisation", "simulator", "recorder", "viewer"],
         qos: Qos::STREAM,
         wakes: true,
         sequenced: true,
@@ -209,6 +209,37 @@ services! {
         recorded: Recorded::AtStamp,
         replay: None,
         injectable: true,
+        shown: true,
+    }
+
+    /// Where the robot is in the map: the answer of localisation to the scan of the same number.
+    message RobotEstimate {
+        name: "robot/estimate",
+        version: 1,
+        from: &["localisation"],
+        to: &["mapping", "recorder", "viewer"],
+        qos: Qos::STREAM,
+        wakes: true,
+        sequenced: true,
+        recorded: Recorded::AtStamp,
+        replay: None,
+        injectable: false,
+        shown: true,
+    }
+
+    /// Poses that localisation estimates otherwise than before, in pieces. With a scan there is at most one piece, so that the history
+    /// of the stream reaches as far back as that of the scans.
+    message TrajectoryRevision {
+        name: "trajectory/revision",
+        version: 1,
+        from: &["localisation"],
+        to: &["mapping", "recorder", "viewer"],
+        qos: Qos::STREAM,
+        wakes: true,
+        sequenced: true,
+        recorded: Recorded::AtStamp,
+        replay: None,
+        injectable: false,
         shown: true,
     }
 
@@ -320,7 +351,7 @@ services! {
     /// A piece of the robot's trajectory. It has no history: mapping repeats all pieces slowly.
     message WayChunk {
         name: "map/way",
-        version: 1,
+        version: 2,
         from: &["mapping"],
         to: &["recorder", "viewer", "command"],
         qos: Qos { history: 0, buffer: 64, publishers: 3, subscribers: 12 },

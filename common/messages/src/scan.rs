@@ -87,7 +87,7 @@ plain! {
     /// assert_eq!((scan.readings(), scan.validate()), (&[reading][..], Ok(())));
     /// ```
     pub struct SonarScan {
-        /// Pose of the robot in the map frame, from odometry.
+        /// Pose of the robot in the odom frame.
         pub pose: Pose,
         /// The first `count` entries are readings, the rest is zero.
         pub readings: [SonarReading; MAX_READINGS] => count,

@@ -31,7 +31,7 @@ pub const MAX_OUTLOOK_SCANS: usize = 128;
 pub const MAX_TRACKED_WALKERS: usize = 16;
 
 plain! {
-    /// The region a moving thing covers (`O_Centroid`, `O_Size` of the paper's Tables 3 to 5), in the map frame.
+    /// The region a moving thing covers (`O_Centroid`, `O_Size` of the paper's Tables 3 to 5), in the odom frame.
     ///
     /// ```
     /// use stillmap_messages::UpdateRegion;
@@ -102,7 +102,7 @@ plain! {
         pub reserved: u32,
     }
 
-    /// A tracked walker, in the map frame.
+    /// A tracked walker, in the odom frame.
     ///
     /// ```
     /// use stillmap_messages::TrackedWalker;

@@ -137,7 +137,7 @@ impl Settings {
 
     /// Whether the simulated robot is there for programs that are not part of the deployment, and nothing here needs scans.
     fn serves_others(&self) -> bool {
-        let needs_scans = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti].into_iter().any(|kind| self.runs(kind));
+        let needs_scans = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Fti, BuiltIn::Localisation].into_iter().any(|kind| self.runs(kind));
         self.runs(BuiltIn::Simulator) && self.simulator.link.is_some() && !needs_scans
     }
 

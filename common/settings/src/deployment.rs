@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Camera, Fti, Injector, Mapping, Name, Pioneer, PlannedFault, Playback, Process, Recorder, Robot, Sbs, Simulator, Std, Supervisor,
-    Viewer,
+    Camera, Fti, Injector, Localisation, Mapping, Name, Pioneer, PlannedFault, Playback, Process, Recorder, Robot, Sbs, Simulator, Std,
+    Supervisor, Viewer,
 };
 
 /// What sets the pace of a run.
@@ -64,6 +64,9 @@ pub struct Settings {
     /// `[fti]`: fuzzy-tuned integration.
     #[serde(default)]
     pub fti: Fti,
+    /// `[localisation]`: where the robot is in the map.
+    #[serde(default)]
+    pub localisation: Localisation,
     /// `[recorder]`: the log of a run.
     #[serde(default)]
     pub recorder: Recorder,
@@ -103,6 +106,7 @@ impl Default for Settings {
             std: Std::default(),
             sbs: Sbs::default(),
             fti: Fti::default(),
+            localisation: Localisation::default(),
             recorder: Recorder::default(),
             playback: Playback::default(),
             viewer: Viewer::default(),

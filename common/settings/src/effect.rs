@@ -60,6 +60,7 @@ const RULES: &[Rule] = &[
     rule("fti.prior_log_odds", likelihood, "no such key, or else fti.method = \"likelihood\""),
     rule("fti.patience_s", |s| s.pace == Pace::Live, "no such key, or else pace = \"live\""),
     rule("fti.paper", |s| !likelihood(s), "no [fti.paper], or else fti.method = \"paper\""),
+    rule("localisation", |s| s.runs(BuiltIn::Localisation), "no [localisation], or else a process with run = \"localisation\""),
     rule("recorder", |s| s.runs(BuiltIn::Recorder), "no [recorder], or else a process with run = \"recorder\""),
     rule("playback", |s| s.runs(BuiltIn::Playback), "no [playback], or else a process with run = \"playback\""),
     rule("viewer", |s| s.runs(BuiltIn::Viewer), "no [viewer], or else a process with run = \"viewer\""),

@@ -34,6 +34,7 @@ mod effect;
 mod faults;
 mod files;
 mod fti;
+mod localisation;
 mod mapping;
 mod pioneer;
 mod playback;
@@ -60,6 +61,7 @@ pub use faults::{
     RoutedService, StreamFault,
 };
 pub use fti::{Action, Correspondence, Cue, Fti, FtiMethod, FtiPaper, Magnitude, Patience, PriorLogOdds, Side, Tables};
+pub use localisation::{Localisation, RightAngles};
 pub use mapping::{
     AngularWidth, BadCentres, CellSize, Centres, FreeFade, FreePeak, Gain, HalfBeam, Horizon, LogOddsLimit, Mapping, Neighbours,
     NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,

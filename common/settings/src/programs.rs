@@ -19,6 +19,8 @@ pub enum BuiltIn {
     Sbs,
     /// Decides which readings people caused.
     Fti,
+    /// Estimates where the robot is in the map.
+    Localisation,
     /// Drives a Pioneer.
     Pioneer,
     /// Takes pictures with a camera.
@@ -100,12 +102,13 @@ enum Contradiction {
 
 impl BuiltIn {
     /// Every built-in process.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Recorder,
         Self::Mapping,
         Self::Std,
         Self::Sbs,
         Self::Fti,
+        Self::Localisation,
         Self::Pioneer,
         Self::Camera,
         Self::Simulator,
@@ -123,6 +126,7 @@ impl BuiltIn {
             Self::Std => "std",
             Self::Sbs => "sbs",
             Self::Fti => "fti",
+            Self::Localisation => "localisation",
             Self::Pioneer => "pioneer",
             Self::Camera => "camera",
             Self::Simulator => "simulator",

@@ -22,6 +22,7 @@ mod graph;
 mod horizon;
 mod localisation;
 mod noise;
+mod outgoing;
 mod parameters;
 mod revision;
 mod rigid;
@@ -31,5 +32,6 @@ mod tracking;
 
 pub use answer::{Answer, Calibration, Closure, Moved, Revision, Smoothed, Status, Wall};
 pub use localisation::Localisation;
+pub use outgoing::{Facts, Outgoing};
 pub use parameters::{Parameters, ParametersError, RightAngles};
 pub use state::StateError;

@@ -2,8 +2,8 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use geometry::{Cell, CellSize, TileKey};
-use messages::{Pose, SonarReading};
+use geometry::{Cell, CellSize, MapFromRobot, TileKey, Transform};
+use messages::SonarReading;
 
 use crate::numeric::{LANES, Lanes, all, azimuth};
 
@@ -79,8 +79,8 @@ pub(crate) struct Group {
 
 impl Cone {
     /// The cone of a reading's sonar on a robot at `map_from_robot`, up to `reach_m`, with half the opening angle in rad, below 90°.
-    pub(crate) fn new(cell: CellSize, map_from_robot: &Pose, reading: &SonarReading, half_beam_rad: f64, reach_m: f64) -> Self {
-        let map_from_sonar = map_from_robot.then(&reading.mount);
+    pub(crate) fn new(cell: CellSize, map_from_robot: &MapFromRobot, reading: &SonarReading, half_beam_rad: f64, reach_m: f64) -> Self {
+        let map_from_sonar = map_from_robot.then(&Transform::of_reading(reading));
         let (sin, cos) = map_from_sonar.yaw_rad.sin_cos();
         let (cell_m, tan_half) = (cell.metres(), half_beam_rad.tan());
         Self {

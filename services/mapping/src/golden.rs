@@ -93,7 +93,11 @@ fn the_one_dimensional_study_agrees() {
                 _ => 0.5,
             };
             let reading = SonarReading { range_m, echo: 1, ..SonarReading::default() };
-            Beam { map_from_robot: &robot, reading: &reading }.integrate(&mut lattice, &integrator, false);
+            Beam { map_from_robot: &geometry::MapFromRobot::from_wire(&robot), reading: &reading }.integrate(
+                &mut lattice,
+                &integrator,
+                false,
+            );
             let Some(profile) = study["profiles"].get(count.to_string()) else { continue };
             for (z, expected) in numbers(&study["z"]).into_iter().zip(numbers(profile)) {
                 let found = probability(lattice.get(integrator.cell.cell_at(z, robot.y_m)));

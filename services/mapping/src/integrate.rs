@@ -1,7 +1,7 @@
 //! One reading into a lattice: look at what the cone holds, tune, update (eqs. 1 to 3).
 
-use geometry::{CellSize, Lattice, TileKey};
-use messages::{Pose, SonarReading};
+use geometry::{CellSize, Lattice, MapFromRobot, TileKey};
+use messages::SonarReading;
 
 use crate::cone::{Cone, Groups};
 use crate::numeric::{LANES, Lanes, all};
@@ -36,7 +36,7 @@ impl Integrator {
 /// A reading and where the robot was.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Beam<'a> {
-    pub(crate) map_from_robot: &'a Pose,
+    pub(crate) map_from_robot: &'a MapFromRobot,
     pub(crate) reading: &'a SonarReading,
 }
 

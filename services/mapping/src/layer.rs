@@ -7,8 +7,9 @@ use geometry::{Cell, CellSize, Lattice, TILE_CELLS, Tile, TileKey};
 use messages::UpdateRegion;
 
 use crate::despeckle::tiles_that_see;
-use crate::integrate::Integrator;
+use crate::integrate::{Beam, Integrator};
 use crate::pending::PendingScan;
+use crate::placed::PlacedScan;
 
 const UNKNOWN: Tile<f32> = [0.0; TILE_CELLS];
 
@@ -30,6 +31,9 @@ pub(crate) struct Layer {
     unsaved: BTreeSet<TileKey>,
     /// Tiles of `shown` that have not been sent as they are.
     unsent: BTreeSet<TileKey>,
+    /// Tiles that a viewer or a checkpoint may hold and that are not committed: pending readings lie there, or did, or a map before
+    /// held them. Committed ones among them count no more.
+    uncommitted: BTreeSet<TileKey>,
 }
 
 impl Layer {
@@ -42,6 +46,7 @@ impl Layer {
             settled: BTreeSet::new(),
             unsaved: BTreeSet::new(),
             unsent: BTreeSet::new(),
+            uncommitted: BTreeSet::new(),
         }
     }
 
@@ -58,28 +63,57 @@ impl Layer {
     /// Takes a committed tile from elsewhere.
     pub(crate) fn restore_tile(&mut self, key: TileKey, cells: &Tile<f32>) {
         self.committed.set_tile(key, cells);
+        self.restore_shown(key, cells);
+    }
+
+    /// Whether verdicts count here.
+    pub(crate) fn heeds_verdicts(&self) -> bool {
+        self.heeds_verdicts
     }
 
     /// Integrates a scan for good.
-    pub(crate) fn commit(&mut self, integrator: &Integrator, scan: &PendingScan) {
-        let withheld = if self.heeds_verdicts { scan.withheld() } else { 0 };
-        integrate(&mut self.committed, integrator, scan, withheld);
-        if self.heeds_verdicts {
-            scan.freed().iter().for_each(|region| set_free(&mut self.committed, region, -integrator.l_max));
-        }
+    pub(crate) fn commit(&mut self, integrator: &Integrator, scan: &PlacedScan<'_>) {
+        draw(&mut self.committed, integrator, scan, self.heeds_verdicts);
+    }
+
+    /// Puts another lattice in the place of what is integrated for good.
+    pub(crate) fn replace(&mut self, committed: Lattice<f32>) {
+        self.note_commits();
+        let before = std::mem::replace(&mut self.committed, committed);
+        self.uncommitted.extend(before.tiles().map(|(key, _)| key));
+        self.uncommitted.retain(|key| self.committed.tile(*key).is_none());
+        self.unsaved.retain(|key| self.committed.tile(*key).is_some());
+        self.settled.extend(&self.uncommitted);
+    }
+
+    /// Tiles that a viewer or a checkpoint may hold and that are not committed.
+    pub(crate) fn uncommitted(&self) -> impl Iterator<Item = TileKey> {
+        self.uncommitted.iter().copied().filter(|key| self.committed.tile(*key).is_none())
+    }
+
+    /// Takes from elsewhere that a viewer or a checkpoint may hold a tile that is not committed.
+    pub(crate) fn restore_uncommitted(&mut self, key: TileKey) {
+        self.uncommitted.insert(key);
+        self.restore_shown(key, &UNKNOWN);
+    }
+
+    /// A viewer may hold anything of a tile: readings that were pending lie on it, or did.
+    fn restore_shown(&mut self, key: TileKey, cells: &Tile<f32>) {
+        self.shown.set_tile(key, cells);
+        self.unsent.insert(key);
     }
 
     /// Makes what is shown anew where it may have changed.
     pub(crate) fn refresh<'a>(&mut self, integrator: &Integrator, pending: impl Iterator<Item = &'a PendingScan>) {
         let mut top = Lattice::new(self.committed.cell_size());
-        for scan in pending {
+        for scan in pending.filter(|scan| scan.is_placed) {
             for key in scan.beams().flat_map(|beam| beam.tiles(integrator)) {
                 if top.tile(key).is_none() {
                     top.set_tile(key, self.committed.tile(key).unwrap_or(&UNKNOWN));
                 }
             }
             let withheld = if self.heeds_verdicts { scan.withheld_so_far() } else { 0 };
-            integrate(&mut top, integrator, scan, withheld);
+            integrate(&mut top, integrator, scan.beams(), withheld);
         }
         self.note_commits();
         for key in std::mem::take(&mut self.settled) {
@@ -110,6 +144,9 @@ impl Layer {
     fn show(&mut self, key: TileKey, cells: Tile<f32>) {
         if *self.shown.tile(key).unwrap_or(&UNKNOWN) != cells {
             self.shown.set_tile(key, &cells);
+            if self.committed.tile(key).is_none() {
+                self.uncommitted.insert(key);
+            }
             self.unsent.extend(tiles_that_see(key, self.lonely_below));
         }
     }
@@ -129,9 +166,17 @@ impl Layer {
     }
 }
 
+/// Integrates a decided scan.
+pub(crate) fn draw(lattice: &mut Lattice<f32>, integrator: &Integrator, scan: &PlacedScan<'_>, heeds_verdicts: bool) {
+    integrate(lattice, integrator, scan.beams(), if heeds_verdicts { scan.withheld } else { 0 });
+    if heeds_verdicts {
+        scan.freed.iter().for_each(|region| set_free(lattice, region, -integrator.l_max));
+    }
+}
+
 /// Bit i of `withheld` set: reading i leaves its occupied part out.
-fn integrate(lattice: &mut Lattice<f32>, integrator: &Integrator, scan: &PendingScan, withheld: u32) {
-    for (index, beam) in scan.beams().enumerate() {
+fn integrate<'a>(lattice: &mut Lattice<f32>, integrator: &Integrator, beams: impl Iterator<Item = Beam<'a>>, withheld: u32) {
+    for (index, beam) in beams.enumerate() {
         beam.integrate(lattice, integrator, withheld & (1 << index) != 0);
     }
 }

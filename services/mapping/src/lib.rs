@@ -19,6 +19,7 @@
 //!   *shown* is the committed lattice with the pending readings on top.
 //! - [`export`] makes the files that people and other robots read.
 
+mod committed;
 mod cone;
 mod despeckle;
 mod digest;
@@ -28,11 +29,14 @@ mod files;
 mod golden;
 mod integrate;
 mod layer;
+mod localised;
+mod localised_state;
 mod mapper;
 mod numeric;
 mod occupied;
 mod parameters;
 mod pending;
+mod placed;
 #[cfg(test)]
 mod reference;
 mod robot_path;
@@ -43,7 +47,7 @@ mod tuning;
 pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
 pub use occupied::{OCCUPIED, is_occupied};
-pub use parameters::{CommitRule, Fades, Parameters, ParametersError, SensorParameters, TuningParameters};
+pub use parameters::{CommitRule, Fades, Parameters, ParametersError, PoseRule, SensorParameters, TuningParameters};
 pub use state::StateError;
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

@@ -3,19 +3,23 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use messages::{
-    FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, SonarScan, StreamCursor, VerdictOutlook, WayChunk,
+    FilterVerdict, Invalid, Layer as LayerName, MapSummary, MapTile, Payload, RobotEstimate, SonarScan, StreamCursor, Trajectory,
+    TrajectoryRevision, VerdictOutlook, WayChunk,
 };
 
 use geometry::{CellSize, TileKey};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use crate::committed::NewScan;
 use crate::despeckle::published;
 use crate::digest::digest;
 use crate::integrate::Integrator;
 use crate::layer::Layer;
-use crate::parameters::{CommitRule, Parameters, ParametersError};
+use crate::localised::{Localised, MAX_STRETCHES};
+use crate::parameters::{CommitRule, Parameters, ParametersError, PoseRule};
 use crate::pending::{Decision, PendingScan};
+use crate::placed::PlacedScan;
 use crate::robot_path::RobotPath;
 
 /// Faster than any indoor robot, m/s: the robots of the Pioneer family drive up to 1.8 m/s, and their odometry turns slip into metres
@@ -48,6 +52,21 @@ pub enum Input<'a> {
         seq: u64,
         /// Which readings are withheld.
         verdict: &'a FilterVerdict,
+    },
+    /// Where localisation estimates the robot. Where estimates are taken, those of scans that the mapper has are to come in their order,
+    /// each before the pieces that it announces.
+    Estimate {
+        /// The number of the scan it answers.
+        seq: u64,
+        /// The estimate.
+        estimate: &'a RobotEstimate,
+    },
+    /// A piece of a revision of poses estimated before.
+    Revision {
+        /// Its number in the stream of pieces.
+        number: u64,
+        /// The piece.
+        piece: &'a TrajectoryRevision,
     },
     /// The verdicts to come as they stand: they count in what is shown until the final ones are there.
     Outlook(&'a VerdictOutlook),
@@ -102,6 +121,36 @@ pub enum Refused {
         /// Place of the scan.
         seq: u64,
     },
+    /// The settings say that none is to come.
+    #[error("an estimate of scan {seq}, expected none: the settings take odometry as exact")]
+    UnexpectedEstimate {
+        /// Number of the scan.
+        seq: u64,
+    },
+    /// This estimate, or one after it, has been taken.
+    #[error("the estimate of scan {seq} has been taken: the last one is {last}")]
+    RepeatedEstimate {
+        /// Number of the scan.
+        seq: u64,
+        /// Number of the last one taken.
+        last: u64,
+    },
+    /// This piece, or one after it, has been taken.
+    #[error("piece {number} of a revision has been taken: the last one is {last}")]
+    RepeatedPiece {
+        /// Number of the piece.
+        number: u64,
+        /// Number of the last one taken.
+        last: u64,
+    },
+    /// Revisions are longer than the largest drive.
+    #[error("piece {number} of a revision: {stretches} stretches wait, expected at most {MAX_STRETCHES}")]
+    LongRevision {
+        /// Number of the piece.
+        number: u64,
+        /// Stretches that wait.
+        stretches: usize,
+    },
     /// There is a verdict on this scan.
     #[error("a second verdict on scan {seq}")]
     RepeatedVerdict {
@@ -139,6 +188,8 @@ pub struct Counts {
     pub withheld: u64,
     /// Readings without a verdict, where verdicts were expected.
     pub undecided: u64,
+    /// Scans whose smoothed pose did not come, where it was expected: they are placed by odometry from the last estimate.
+    pub unsmoothed: u64,
 }
 
 /// The map's owner: scans and verdicts in, lattices out.
@@ -157,6 +208,9 @@ pub struct Mapper {
     pub(crate) pending: VecDeque<PendingScan>,
     /// Verdicts on scans still to come.
     pub(crate) early: BTreeMap<u64, Decision>,
+    /// `None` where odometry is exact.
+    pub(crate) localised: Option<Localised>,
+    /// The trajectory by odometry.
     pub(crate) path: RobotPath,
     /// The last scan taken; all zero before the first.
     pub(crate) last: StreamCursor,
@@ -179,6 +233,11 @@ impl Mapper {
             unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false, 0)),
             pending: VecDeque::new(),
             early: BTreeMap::new(),
+            localised: match parameters.poses {
+                PoseRule::Odometry => None,
+                PoseRule::Estimate => Some(Localised::new(None)),
+                PoseRule::EstimateOrDeadline { deadline_ns } => Some(Localised::new(Some(deadline_ns))),
+            },
             path: RobotPath::default(),
             last: StreamCursor::default(),
             counts: Counts::default(),
@@ -193,17 +252,75 @@ impl Mapper {
         match input {
             Input::Scan { seq, stamp_ns, scan } => {
                 self.take_scan(StreamCursor { seq, stamp_ns }, scan)?;
-                self.commit_while(|rule, scan| decided(rule, scan, stamp_ns));
+                self.commit_due(false);
             }
             Input::Verdict { seq, verdict } => {
                 self.take_verdict(seq, verdict)?;
-                let now_ns = self.last.stamp_ns;
-                self.commit_while(|rule, scan| decided(rule, scan, now_ns));
+                self.commit_due(false);
             }
+            Input::Estimate { seq, estimate } => {
+                self.take_estimate(seq, estimate)?;
+                self.render_again(seq);
+                self.commit_due(false);
+            }
+            Input::Revision { number, piece } => self.take_piece(number, piece)?,
             Input::Outlook(outlook) => self.take_outlook(outlook),
-            Input::End => self.commit_while(|_, _| true),
+            Input::End => {
+                self.commit_due(true);
+                self.render_again(u64::MAX);
+                self.trace();
+            }
         }
         Ok(())
+    }
+
+    fn take_estimate(&mut self, seq: u64, estimate: &RobotEstimate) -> Result<(), Refused> {
+        estimate.validate().map_err(|source| Refused::Invalid { seq, source })?;
+        let Some(localised) = &mut self.localised else { return Err(Refused::UnexpectedEstimate { seq }) };
+        if seq <= localised.last {
+            return Err(Refused::RepeatedEstimate { seq, last: localised.last });
+        }
+        localised.take_estimate(seq, estimate, self.pending.iter_mut());
+        Ok(())
+    }
+
+    fn take_piece(&mut self, number: u64, piece: &TrajectoryRevision) -> Result<(), Refused> {
+        piece.validate().map_err(|source| Refused::Invalid { seq: number, source })?;
+        let Some(localised) = &mut self.localised else { return Err(Refused::UnexpectedEstimate { seq: number }) };
+        if number <= localised.pieces {
+            return Err(Refused::RepeatedPiece { number, last: localised.pieces });
+        }
+        let stretches = localised.stretches();
+        if stretches >= MAX_STRETCHES {
+            return Err(Refused::LongRevision { number, stretches });
+        }
+        if localised.take_piece(number, piece) {
+            localised.begin_rendering(self.pending.make_contiguous());
+        }
+        Ok(())
+    }
+
+    /// Renders a slice of the map whose poses were revised; once it is due, it takes the place of the one before. `now` is the
+    /// number of an estimate, or greater than all at the end.
+    fn render_again(&mut self, now: u64) {
+        let Some(localised) = &mut self.localised else { return };
+        loop {
+            let layers: Vec<&Layer> = std::iter::once(&self.filtered).chain(&self.unfiltered).collect();
+            let Some(lattices) = localised.render(now, &self.integrator, &layers) else { return };
+            let layers = std::iter::once(&mut self.filtered).chain(&mut self.unfiltered);
+            layers.zip(lattices).for_each(|(layer, lattice)| layer.replace(lattice));
+            localised.trace(self.pending.iter());
+            if localised.is_revised() {
+                localised.begin_rendering(self.pending.make_contiguous());
+            }
+        }
+    }
+
+    /// Makes the trajectory anew from the poses as they are now.
+    fn trace(&mut self) {
+        if let Some(localised) = &mut self.localised {
+            localised.trace(self.pending.iter());
+        }
     }
 
     fn take_scan(&mut self, at: StreamCursor, scan: &SonarScan) -> Result<(), Refused> {
@@ -221,7 +338,11 @@ impl Mapper {
         // Verdicts on scans that were lost on the way wait for nothing.
         self.early = self.early.split_off(&seq);
         let decision = self.early.remove(&seq);
-        self.pending.push_back(PendingScan { seq, stamp_ns, scan: *scan, decision, outlook: 0 });
+        let mut pending = PendingScan::new(seq, stamp_ns, *scan, decision);
+        if let Some(localised) = &self.localised {
+            pending.locate(&localised.map_from_odom, localised.is_lost);
+        }
+        self.pending.push_back(pending);
         Ok(())
     }
 
@@ -270,13 +391,13 @@ impl Mapper {
         }
     }
 
-    /// Integrates pending scans for good, in their order, up to the first that is not decided.
-    fn commit_while(&mut self, decided: impl Fn(CommitRule, &PendingScan) -> bool) {
-        while let Some(scan) = self.pending.pop_front_if(|scan| decided(self.commit, scan)) {
-            self.filtered.commit(&self.integrator, &scan);
-            if let Some(unfiltered) = &mut self.unfiltered {
-                unfiltered.commit(&self.integrator, &scan);
-            }
+    /// Integrates pending scans for good, in their order, up to the first that is not decided or has no pose. At the end none is
+    /// waited for.
+    fn commit_due(&mut self, is_end: bool) {
+        let (rule, now_ns) = (self.commit, self.last.stamp_ns);
+        let has_pose = |localised: &Option<Localised>, scan: &PendingScan| localised.as_ref().is_none_or(|it| it.has_pose(scan, now_ns));
+        while let Some(scan) = self.pending.pop_front_if(|scan| is_end || decided(rule, scan, now_ns) && has_pose(&self.localised, scan)) {
+            self.integrate(&scan);
             let readings = scan.scan.readings().len() as u64;
             self.counts.scans += 1;
             self.counts.readings += readings;
@@ -285,7 +406,22 @@ impl Mapper {
             if expected && scan.decision.is_none() {
                 self.counts.undecided += readings;
             }
+            self.counts.unsmoothed += u64::from(self.localised.is_some() && !scan.is_smoothed);
         }
+    }
+
+    fn integrate(&mut self, scan: &PendingScan) {
+        let layers = std::iter::once(&mut self.filtered).chain(&mut self.unfiltered);
+        let (map_from_robot, is_placed, readings) = (scan.map_from_robot, scan.is_placed, scan.scan.readings());
+        let Some(Localised { committed, .. }) = &mut self.localised else {
+            let placed = PlacedScan { map_from_robot, readings, withheld: scan.withheld(), freed: scan.freed() };
+            layers.for_each(|layer| layer.commit(&self.integrator, &placed));
+            return;
+        };
+        let freed = scan.freed_in_robot();
+        committed.push(NewScan { seq: scan.seq, map_from_robot, is_placed, readings, withheld: scan.withheld(), freed: &freed });
+        let last = committed.len() - 1;
+        layers.for_each(|layer| committed.draw(last, |placed| layer.commit(&self.integrator, placed)));
     }
 
     /// Makes what is shown anew: the committed lattice with the pending readings on top.
@@ -331,15 +467,20 @@ impl Mapper {
         })
     }
 
-    /// The next piece of the robot's way that was not taken yet.
+    /// The next piece of a trajectory that was not taken yet.
     pub fn next_way_chunk(&mut self) -> Option<WayChunk> {
-        self.path.next_chunk()
+        let Some(localised) = &mut self.localised else { return self.path.next_chunk(Trajectory::Robot) };
+        localised.path.next_chunk(Trajectory::Robot).or_else(|| self.path.next_chunk(Trajectory::Odometry))
     }
 
-    /// The robot's way in the map frame, m.
+    /// The robot's trajectory in the map frame, m.
     #[must_use]
     pub fn way_m(&self) -> &[[f32; 2]] {
-        &self.path.places_m
+        &self.trajectory().places_m
+    }
+
+    fn trajectory(&self) -> &RobotPath {
+        self.localised.as_ref().map_or(&self.path, |localised| &localised.path)
     }
 
     /// The whole map and way are to be sent again: someone has joined who holds nothing.
@@ -349,14 +490,17 @@ impl Mapper {
             unfiltered.send_again();
         }
         self.path.send_again();
+        if let Some(localised) = &mut self.localised {
+            localised.path.send_again();
+        }
     }
 
     /// What is integrated for good, in numbers. Takes time in the size of the map.
     #[must_use]
     pub fn summary(&self) -> MapSummary {
         let (sha256, tiles) = digest(self.filtered.committed());
-        let Counts { scans, readings, withheld, undecided } = self.counts;
-        MapSummary { sha256, scans, readings, withheld, undecided, tiles, way_m: self.path.length_m }
+        let Counts { scans, readings, withheld, undecided, .. } = self.counts;
+        MapSummary { sha256, scans, readings, withheld, undecided, tiles, way_m: self.trajectory().length_m }
     }
 
     /// What has been integrated for good.
@@ -381,6 +525,24 @@ impl Mapper {
     #[must_use]
     pub fn last_scan(&self) -> StreamCursor {
         self.last
+    }
+
+    /// Number of the last estimate taken.
+    #[must_use]
+    pub fn estimated_up_to(&self) -> u64 {
+        self.localised.as_ref().map_or(0, |localised| localised.last)
+    }
+
+    /// Whether a piece that an estimate has announced is missing.
+    #[must_use]
+    pub fn awaits_revision(&self) -> bool {
+        self.localised.as_ref().is_some_and(|localised| localised.pieces < localised.announced)
+    }
+
+    /// Number of the last piece of a revision taken.
+    #[must_use]
+    pub fn revised_up_to(&self) -> u64 {
+        self.localised.as_ref().map_or(0, |localised| localised.pieces)
     }
 
     /// Every verdict up to this place has been taken, or can no longer be.

@@ -18,6 +18,8 @@ pub struct Parameters {
     pub l_max: f64,
     /// When a reading is integrated for good.
     pub commit: CommitRule,
+    /// Where scans are placed in the map.
+    pub poses: PoseRule,
     /// Keep a second map that ignores the verdicts.
     pub keep_unfiltered: bool,
     /// Occupied cells with fewer occupied neighbours, of eight, are published as free.
@@ -80,6 +82,20 @@ pub enum CommitRule {
     },
 }
 
+/// Where scans are placed in the map. Times are ns of sensor time after the scan's own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PoseRule {
+    /// Odometry is exact.
+    Odometry,
+    /// Lockstep: where localisation estimates, however long that takes.
+    Estimate,
+    /// Live: where localisation estimates, or by odometry from the last estimate once a scan passes the deadline.
+    EstimateOrDeadline {
+        /// The deadline.
+        deadline_ns: u64,
+    },
+}
+
 impl Default for Parameters {
     fn default() -> Self {
         Self {
@@ -89,6 +105,7 @@ impl Default for Parameters {
             tuning: TuningParameters::default(),
             l_max: 2.0,
             commit: CommitRule::Horizon { horizon_ns: 3_000_000_000 },
+            poses: PoseRule::Odometry,
             keep_unfiltered: false,
             lonely_below: 0,
         }

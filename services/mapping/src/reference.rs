@@ -113,7 +113,7 @@ proptest! {
         let mut lattice = Lattice::new(integrator.cell);
         for (pose, reading, withheld) in &readings {
             let expected = reference(&lattice, pose, reading, fades, *withheld);
-            Beam { map_from_robot: pose, reading }.integrate(&mut lattice, &integrator, *withheld);
+            Beam { map_from_robot: &geometry::MapFromRobot::from_wire(pose), reading }.integrate(&mut lattice, &integrator, *withheld);
             for (cell, after) in expected {
                 let found = f64::from(lattice.get(cell));
                 prop_assert!(found.abs() <= 2.0);

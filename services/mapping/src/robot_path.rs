@@ -1,6 +1,6 @@
 //! The robot's path, for pictures.
 
-use messages::{MAX_WAY_POINTS, Pose, WayChunk};
+use messages::{MAX_WAY_POINTS, Pose, Trajectory, WayChunk};
 
 /// Shortest move that is kept at first, m.
 const FIRST_STEP_M: f64 = 0.01;
@@ -55,13 +55,14 @@ impl RobotPath {
     }
 
     /// The next piece that has not been handed out.
-    pub(crate) fn next_chunk(&mut self) -> Option<WayChunk> {
+    pub(crate) fn next_chunk(&mut self, trajectory: Trajectory) -> Option<WayChunk> {
         let rest = &self.places_m[self.sent..];
         let count = rest.len().min(MAX_WAY_POINTS);
         if count == 0 {
             return None;
         }
-        let mut chunk = WayChunk { first: self.sent as u64, total: self.places_m.len() as u64, count: count as u32, ..WayChunk::default() };
+        let (first, total, trajectory) = (self.sent as u64, self.places_m.len() as u64, trajectory as u32);
+        let mut chunk = WayChunk { first, total, count: count as u32, trajectory, ..WayChunk::default() };
         chunk.points_m[..count].copy_from_slice(&rest[..count]);
         self.sent += count;
         Some(chunk)
@@ -94,15 +95,15 @@ mod tests {
         let mut path = RobotPath::default();
         (0..600).for_each(|i| path.visit(&along_x(f64::from(i))));
         let mut told = Vec::new();
-        while let Some(chunk) = path.next_chunk() {
+        while let Some(chunk) = path.next_chunk(Trajectory::Robot) {
             assert_eq!((chunk.first, chunk.total), (told.len() as u64, 600));
             told.extend_from_slice(&chunk.points_m[..chunk.count as usize]);
         }
         assert_eq!(told, path.places_m);
         path.visit(&along_x(600.0));
-        assert_eq!(path.next_chunk().unwrap().first, 600);
+        assert_eq!(path.next_chunk(Trajectory::Robot).unwrap().first, 600);
         path.send_again();
-        assert_eq!(path.next_chunk().unwrap().first, 0);
+        assert_eq!(path.next_chunk(Trajectory::Robot).unwrap().first, 0);
     }
 
     #[test]

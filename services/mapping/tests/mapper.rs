@@ -354,14 +354,14 @@ type State = (Vec<u8>, BTreeMap<[i32; 3], Vec<u8>>);
 
 fn save(mapper: &Mapper) -> State {
     let mut state = (mapper.save_head(), BTreeMap::new());
-    save_tiles(mapper, mapper.saved_tiles(), &mut state);
+    save_tiles(mapper, mapper.saved_parts(), &mut state);
     state
 }
 
 fn save_tiles(mapper: &Mapper, keys: Vec<[i32; 3]>, state: &mut State) {
     for key in keys {
         let mut tile = Vec::new();
-        mapper.save_tile(key, &mut tile);
+        mapper.save_part(key, &mut tile);
         state.1.insert(key, tile);
     }
 }
@@ -407,7 +407,10 @@ fn a_cut_or_lengthened_state_is_refused() {
     assert!(with_tile([0, 0, 0], &tile(&[0.0; 1024])[..9]).starts_with("the state cannot be decoded"));
     assert_eq!(with_tile([0, 0, 0], &tile(&[0.0; 1025])), "a tile of 1025 cells, expected 1024 cells");
     for key in [[2, 0, 0], [-1, 0, 0], [1, i32::MAX, 0]] {
-        assert_eq!(with_tile(key, &tile(&[0.0; 1024])), format!("tile {key:?}, expected a tile of a layer that is set, within reach"));
+        assert_eq!(
+            with_tile(key, &tile(&[0.0; 1024])),
+            format!("tile {} {} {}, expected a tile of a layer that is set, within reach", key[0], key[1], key[2])
+        );
     }
     assert!(with_tile([1, 0, 0], &tile(&[f32::NAN; 1024])).contains("a cell of NaN"));
 }

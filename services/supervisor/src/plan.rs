@@ -17,9 +17,9 @@ pub(crate) fn plans(settings: &Settings) -> Vec<Plan> {
 fn plan(process: &Process, pace: Pace) -> Plan {
     let (role, brings_scans) = match process.program {
         Program::BuiltIn(BuiltIn::Pioneer | BuiltIn::Simulator | BuiltIn::Playback) => (Role::Source, true),
-        Program::BuiltIn(BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Sbs | BuiltIn::Fti | BuiltIn::Viewer) => {
-            (Role::Consumer, false)
-        }
+        Program::BuiltIn(
+            BuiltIn::Recorder | BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Sbs | BuiltIn::Fti | BuiltIn::Localisation | BuiltIn::Viewer,
+        ) => (Role::Consumer, false),
         // Without it nothing comes through.
         Program::BuiltIn(BuiltIn::Injector) => (Role::Consumer, true),
         // Without its pictures the sonars continue.

@@ -1,5 +1,6 @@
 //! The process around the mapper: scans and verdicts in, tiles out, files at the end.
 
+mod estimates;
 mod parameters;
 
 use std::path::PathBuf;
@@ -9,11 +10,12 @@ use std::time::{Duration, Instant};
 use bus::{BusError, Episode, Reader, Received, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, Payload, Service, SonarScan, StreamCursor, VerdictOutlook, WayChunk};
 use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Shell, StepError, run_fold};
-use settings::{Pace, Settings};
+use settings::{BuiltIn, Pace, Settings};
 
 use ::mapping::export::MapCopy;
 use ::mapping::{Input, Mapper, ParametersError, Refused, write_files};
 
+use estimates::Estimates;
 pub(crate) use parameters::parameters;
 
 /// Most tiles published in one round: a fraction of a reader's buffer, which the reader has time to empty before the next round.
@@ -25,8 +27,8 @@ const SENDING_PAUSE: Duration = Duration::from_millis(5);
 /// Shortest time between two updates of the displayed map: a little less than the period of a robot's scans, so that live each scan
 /// is shown at once, while a fast replay sends no more than people can see.
 const SHOWING_PERIOD: Duration = Duration::from_millis(90);
-/// How long after the last scan the end of the verdicts is waited for, live.
-const VERDICTS_END: Duration = Duration::from_secs(5);
+/// How long after the last scan the end of verdicts and estimates is waited for, live.
+const ANSWERS_END: Duration = Duration::from_secs(5);
 
 /// Time between two looks at whether the map is written.
 const WRITING_POLL: Duration = Duration::from_millis(10);
@@ -68,6 +70,8 @@ struct Mapping {
     mapper: Mapper,
     scans: Reader<SonarScan>,
     verdicts: Option<Verdicts>,
+    /// `None` where odometry is exact.
+    estimates: Option<Estimates>,
     tiles: Writer<MapTile>,
     path: Writer<WayChunk>,
     summary: Writer<MapSummary>,
@@ -98,7 +102,7 @@ impl Fold for Mapping {
     const SOURCE: Service = SonarScan::SERVICE;
 
     fn take(&mut self) -> Result<bool, StepError> {
-        let taken = self.take_scan()? | self.take_verdict()?;
+        let taken = self.take_scan()? | self.take_estimate()? | self.take_verdict()?;
         self.news |= taken;
         Ok(taken)
     }
@@ -111,15 +115,14 @@ impl Fold for Mapping {
         self.mapper.last_scan().seq.max(self.refused_scan)
     }
 
-    /// Whether the scans have ended and no verdict is missing, or none is waited for any longer.
+    /// Whether the scans have ended and neither verdict nor estimate is missing, or none is waited for any longer.
     fn is_complete(&self) -> bool {
         let Some(ended_at) = self.scans_ended_at else { return false };
         let all_decided = self.mapper.decided_up_to() == self.mapper.last_scan().seq;
-        let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= VERDICTS_END;
-        match &self.verdicts {
-            None => true,
-            Some(verdicts) => verdicts.given.ended() || all_decided || out_of_patience,
-        }
+        let out_of_patience = self.pace == Pace::Live && ended_at.elapsed() >= ANSWERS_END;
+        let are_decided = self.verdicts.as_ref().is_none_or(|verdicts| verdicts.given.ended() || all_decided);
+        let are_placed = self.estimates.as_ref().is_none_or(|estimates| estimates.are_taken(&self.mapper));
+        are_decided && are_placed || out_of_patience
     }
 
     fn save(&mut self, checkpoint: &mut Checkpoint) -> Result<(), StepError> {
@@ -174,6 +177,9 @@ impl Fold for Mapping {
         context.count("scans pending", self.mapper.pending_scans() as u64);
         context.count("inputs refused", self.refused);
         context.count(DOUBTFUL_POSES, self.doubtful);
+        if self.estimates.is_some() {
+            context.count("scans without a smoothed pose", counts.unsmoothed);
+        }
     }
 }
 
@@ -195,9 +201,11 @@ impl Mapping {
             reader.skip_to(mapper.decided_up_to(), 0);
             verdicts = Some(Verdicts { given: reader, outlooks: shell.reader()? });
         }
+        let estimates = if settings.runs(BuiltIn::Localisation) { Some(Estimates::open(shell, &mapper)?) } else { None };
         Ok(Self {
             scans,
             verdicts,
+            estimates,
             tiles: shell.writer()?,
             path: shell.writer()?,
             summary: shell.writer()?,
@@ -257,6 +265,14 @@ impl Mapping {
         Ok(true)
     }
 
+    fn take_estimate(&mut self) -> Result<bool, StepError> {
+        let Some(estimates) = &mut self.estimates else { return Ok(false) };
+        let scans_to = if self.scans_ended_at.is_some() { u64::MAX } else { self.mapper.last_scan().seq.max(self.refused_scan) };
+        let Some(taken) = estimates.take(&mut self.mapper, scans_to)? else { return Ok(false) };
+        self.count_refused(taken);
+        Ok(true)
+    }
+
     fn count_refused(&mut self, taken: Result<(), Refused>) {
         if let Err(refused) = taken {
             self.refused += 1;
@@ -264,7 +280,7 @@ impl Mapping {
                 tracing::warn!("{refused}");
             }
         } else if let Some(count) = self.refusals.over(Instant::now()) {
-            tracing::info!("{count} scans and verdicts were refused; the map takes them again");
+            tracing::info!("{count} inputs were refused; the map takes them again");
         }
     }
 
@@ -320,10 +336,10 @@ impl Parts for Tiles<'_> {
     }
 
     fn all(&self) -> Vec<PartKey> {
-        self.0.saved_tiles()
+        self.0.saved_parts()
     }
 
     fn write(&self, key: PartKey, bytes: &mut Vec<u8>) {
-        self.0.save_tile(key, bytes);
+        self.0.save_part(key, bytes);
     }
 }

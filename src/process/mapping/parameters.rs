@@ -1,12 +1,12 @@
 //! What the settings of a deployment mean for the mapper.
 
-use ::mapping::{CommitRule, Fades, Parameters, SensorParameters, TuningParameters};
-use settings::{Mapping, Pace, Settings, Tuning};
+use ::mapping::{CommitRule, Fades, Parameters, PoseRule, SensorParameters, TuningParameters};
+use settings::{BuiltIn, Mapping, Pace, Settings, Tuning};
 
-/// How long past the horizon a verdict is waited for at sensor pace, s.
+/// How long past the horizon a verdict or a pose is waited for at sensor pace, s.
 ///
-/// FTI decides when the scan comes that passes the horizon; its answer takes milliseconds, one second covers its restart.
-const VERDICT_GRACE_S: f64 = 1.0;
+/// FTI and localisation answer when the scan comes that passes the horizon. That takes milliseconds; one second covers a restart.
+const ANSWER_GRACE_S: f64 = 1.0;
 
 /// The mapper's parameters in a deployment whose clock runs `speed` times faster than the wall's.
 pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
@@ -25,6 +25,7 @@ pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
         tuning: rules(tuning),
         l_max: mapping.l_max.get(),
         commit: commit(settings, speed),
+        poses: poses(settings, speed),
         keep_unfiltered: mapping.keep_unfiltered,
         lonely_below: mapping.lonely_below.get(),
     }
@@ -32,15 +33,31 @@ pub(crate) fn parameters(settings: &Settings, speed: f64) -> Parameters {
 
 /// Live, FTI waits for its inputs; what a restart or a busy machine delays takes so much more sensor time on a faster clock.
 fn commit(settings: &Settings, speed: f64) -> CommitRule {
-    let horizon_ns = (settings.mapping.horizon_s.get() * 1e9) as u64;
+    let horizon_ns = horizon_ns(settings);
     match (settings.expects_verdicts(), settings.pace) {
         (false, _) => CommitRule::Horizon { horizon_ns },
         (true, Pace::Lockstep) => CommitRule::Verdict,
-        (true, Pace::Live) => {
-            let grace_s = (VERDICT_GRACE_S + settings.fti.patience_s.get()) * speed.max(1.0);
-            CommitRule::VerdictOrDeadline { deadline_ns: horizon_ns.saturating_add((grace_s * 1e9) as u64) }
-        }
+        (true, Pace::Live) => CommitRule::VerdictOrDeadline { deadline_ns: past_horizon(settings, settings.fti.patience_s.get(), speed) },
     }
+}
+
+/// Localisation answers a scan for good at the horizon, as FTI does.
+fn poses(settings: &Settings, speed: f64) -> PoseRule {
+    match (settings.runs(BuiltIn::Localisation), settings.pace) {
+        (false, _) => PoseRule::Odometry,
+        (true, Pace::Lockstep) => PoseRule::Estimate,
+        (true, Pace::Live) => PoseRule::EstimateOrDeadline { deadline_ns: past_horizon(settings, 0.0, speed) },
+    }
+}
+
+fn horizon_ns(settings: &Settings) -> u64 {
+    (settings.mapping.horizon_s.get() * 1e9) as u64
+}
+
+/// The age at which an answer that is due at the horizon is not waited for any longer, ns. `patience_s` is how long its process may
+/// wait itself.
+fn past_horizon(settings: &Settings, patience_s: f64, speed: f64) -> u64 {
+    horizon_ns(settings).saturating_add(((ANSWER_GRACE_S + patience_s) * speed.max(1.0) * 1e9) as u64)
 }
 
 fn rules(tuning: &Tuning) -> TuningParameters {

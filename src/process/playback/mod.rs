@@ -37,7 +37,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
     let checkpoint = shell.checkpoint();
     let resume = checkpoint.restore(|saved| Resume::from_bytes(saved.state).ok_or("it is cut")).unwrap_or_default();
-    let kinds = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Sbs, BuiltIn::Fti];
+    let kinds = [BuiltIn::Mapping, BuiltIn::Std, BuiltIn::Sbs, BuiltIn::Fti, BuiltIn::Localisation];
     shell.linger_as_source_until(kinds.into_iter().flat_map(|kind| settings.named(kind)));
     if restarted {
         tracing::info!("resumes after scan {}", resume.begin_behind[0]);
@@ -152,7 +152,7 @@ fn consumers(settings: &Settings, service: &str) -> Vec<Consumer> {
     settings.process.iter().filter_map(consumer).collect()
 }
 
-/// How many other processes a consumer waits for: FTI for STD and SBS, mapping for FTI.
+/// How many other processes a consumer waits for: FTI for STD and SBS, mapping for FTI and localisation.
 fn depth(kind: BuiltIn) -> u8 {
     match kind {
         BuiltIn::Fti => 1,
@@ -165,7 +165,7 @@ fn depth(kind: BuiltIn) -> u8 {
 fn answers(kind: BuiltIn, service: &str, settings: &Settings) -> Option<bool> {
     let (scans, frames) = (service == SonarScan::SERVICE.name, service == CameraFrame::SERVICE.name);
     match kind {
-        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti => scans.then_some(true),
+        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation => scans.then_some(true),
         BuiltIn::Sbs => frames.then_some(true),
         BuiltIn::Recorder => (scans || frames && settings.recorder.pictures).then_some(false),
         _ => None,

@@ -66,7 +66,7 @@ impl Pace {
             progress: shell.reader()?,
             statuses: shell.reader()?,
             drivers: settings.named(BuiltIn::Pioneer).collect(),
-            scan_answers: consumers(&[BuiltIn::Std, BuiltIn::Fti, BuiltIn::Mapping]),
+            scan_answers: consumers(&[BuiltIn::Std, BuiltIn::Localisation, BuiltIn::Fti, BuiltIn::Mapping]),
             frame_answers: consumers(pictures),
             last_scan: (0, 0),
             last_frame: None,

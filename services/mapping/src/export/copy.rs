@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use messages::{Layer, MapTile, WayChunk};
+use messages::{Layer, MapTile, Trajectory, WayChunk};
 
 use crate::mapper::Mapper;
 
@@ -52,8 +52,11 @@ impl MapCopy {
         layer.tiles.insert((tile.row, tile.column), *tile);
     }
 
-    /// Takes a piece of the robot's way; one that leaves a gap is not used.
+    /// Takes a piece of the robot's way in the map; one that leaves a gap is not used.
     pub fn take_way(&mut self, chunk: &WayChunk) {
+        if chunk.trajectory != Trajectory::Robot as u32 {
+            return;
+        }
         self.way_total = chunk.total;
         let points = chunk.points_m.get(..chunk.count as usize).unwrap_or_default();
         if let Ok(first) = usize::try_from(chunk.first)
