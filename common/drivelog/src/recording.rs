@@ -3,7 +3,7 @@
 use core::any::Any;
 use std::collections::{BTreeMap, VecDeque};
 
-use messages::{FrameLayout, MapTile, Payload, Pictures, Recorded, SonarScan};
+use messages::{FrameLayout, MapTile, Payload, Pictures, Pose, Recorded, RobotEstimate, SonarScan};
 
 use crate::carry::carry;
 use crate::damage::WriteError;
@@ -32,6 +32,8 @@ pub struct Scene {
     pictures: BTreeMap<u32, MapView>,
     /// Number and stamp of the last tile.
     last_tile: (u64, u64),
+    /// The odom frame in the map frame by the newest estimate; without localisation both are the same.
+    map_from_odom: Pose,
     /// The latest sensor stamp.
     now_ns: Option<u64>,
     /// The channels of the part that has ended.
@@ -78,6 +80,9 @@ impl Recording {
         }
         if let Some(tile) = any.downcast_ref() {
             return self.tile(seq, stamp_ns, tile);
+        }
+        if let Some(RobotEstimate { map_from_odom, .. }) = any.downcast_ref() {
+            self.scene.map_from_odom = *map_from_odom;
         }
         match T::SERVICE.recorded {
             Recorded::No => Ok(()),
@@ -132,7 +137,7 @@ impl Recording {
     pub fn scan(&mut self, seq: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), WriteError> {
         self.message(seq, stamp_ns, scan)?;
         let times = self.at(stamp_ns)?;
-        self.log.raw(PoseView::TOPIC, PoseView::format, times, seq as u32, &PoseView::encode(scan, stamp_ns))
+        self.log.raw(PoseView::TOPIC, PoseView::format, times, seq as u32, &PoseView::encode(scan, &self.scene.map_from_odom, stamp_ns))
     }
 
     /// Adds a tile, and from time to time the complete map as Foxglove shows it.

@@ -6,7 +6,7 @@ use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Grid, PackedElementField, PoseInFrame, Vector2};
 use prost::Message;
 
-use messages::{Layer, MapTile, SonarScan, TILE_CELLS, TILE_EDGE};
+use messages::{Layer, MapTile, Pose, SonarScan, TILE_CELLS, TILE_EDGE};
 
 use crate::logged::{Format, foxglove_format};
 use crate::tile::{pose, timestamp};
@@ -32,10 +32,11 @@ impl PoseView {
         foxglove_format::<PoseInFrame>()
     }
 
-    /// The pose of a scan.
+    /// The pose of a scan, by the newest estimate of the odom frame in the map frame.
     #[must_use]
-    pub fn encode(scan: &SonarScan, stamp_ns: u64) -> Vec<u8> {
-        let at = pose(scan.pose.x_m, scan.pose.y_m, scan.pose.yaw_rad);
+    pub fn encode(scan: &SonarScan, map_from_odom: &Pose, stamp_ns: u64) -> Vec<u8> {
+        let Pose { x_m, y_m, yaw_rad } = map_from_odom.then(&scan.pose);
+        let at = pose(x_m, y_m, yaw_rad);
         let view = PoseInFrame { timestamp: Some(timestamp(stamp_ns)), frame_id: "map".to_owned(), pose: Some(at) };
         Message::encode_to_vec(&view)
     }

@@ -2,7 +2,7 @@
 
 const RETRY_MS = 700;
 
-/** Connects; `handlers` are `text(object)`, `tiles(DataView)`, `path(first, Float32Array)`, `picture(DataView)`,
+/** Connects; `handlers` are `text(object)`, `tiles(DataView)`, `path(first, Float32Array)`, `odometry(first, Float32Array)`, `picture(DataView)`,
  *  `state(word)` and `reset()`. */
 export function connect(handlers) {
   const token = new URLSearchParams(location.search).get("token");
@@ -45,5 +45,7 @@ function binary(data, handlers) {
       return handlers.tiles(view);
     case 2:
       return handlers.path(view.getUint32(4, true), new Float32Array(data, 8));
+    case 5:
+      return handlers.odometry(view.getUint32(4, true), new Float32Array(data, 8));
   }
 }

@@ -55,6 +55,11 @@ const link = connect({
     overlay.takePath(first, points);
     view.refresh();
   },
+  odometry(first, points) {
+    overlay.takeOdometry(first, points);
+    document.body.classList.add("localised");
+    view.refresh();
+  },
   picture: (data) => camera.take(data),
   text(message) {
     ({ deployment: showDeployment, status: showStatus, scene: showScene })[message.kind]?.(message);

@@ -4,6 +4,7 @@ const TRAIL_S = 20;
 /** No walker covers more between two scans, m: beyond that the track was lost and found again. */
 const LEAP_M = 0.8;
 const BLUE = "#1f6feb";
+const ODOMETRY = "#8b95a5";
 const CONE = "#d9960a";
 const WALKER = "#c026d3";
 const REGION = "#7c3aed";
@@ -13,7 +14,7 @@ const TRUE_WALKER = "#0e9384";
 export class Overlay {
   constructor() {
     this.shown = {
-      path: true, cones: true, walkers: true, sonar_movers: true, regions: true, withheld: true, true_walkers: true,
+      path: true, odometry: true, cones: true, walkers: true, sonar_movers: true, regions: true, withheld: true, true_walkers: true,
     };
     this.halfBeam = 0.22;
     this.clear();
@@ -21,14 +22,18 @@ export class Overlay {
 
   clear() {
     this.path = [];
+    this.odometry = [];
     this.scene = null;
     this.trails = new Map();
   }
 
   /** Points from index `first` on, which replace the known ones. */
   takePath(first, points) {
-    this.path.length = Math.min(this.path.length, 2 * first);
-    for (const value of points) this.path.push(value);
+    replaceFrom(this.path, first, points);
+  }
+
+  takeOdometry(first, points) {
+    replaceFrom(this.odometry, first, points);
   }
 
   takeScene(scene) {
@@ -49,7 +54,8 @@ export class Overlay {
   draw(context, view) {
     const px = devicePixelRatio || 1;
     const shown = this.shown;
-    if (shown.path) this.drawPath(context, view, px);
+    if (shown.odometry) drawPath(context, view, this.odometry, ODOMETRY, px);
+    if (shown.path) drawPath(context, view, this.path, BLUE, 2 * px);
     if (!this.scene) return;
     const { cones, walkers, sonar_movers, regions, withheld, true_walkers, robot } = this.scene;
     if (shown.cones) cones.forEach((cone) => this.drawCone(context, view, cone, px));
@@ -63,14 +69,6 @@ export class Overlay {
     }
     if (shown.path && robot) drawRobot(context, view, robot, px);
     drawScale(context, view, px);
-  }
-
-  drawPath(context, view, px) {
-    context.strokeStyle = BLUE;
-    context.lineWidth = 2 * px;
-    context.beginPath();
-    for (let at = 0; at + 1 < this.path.length; at += 2) context.lineTo(...view.toScreen(this.path[at], this.path[at + 1]));
-    context.stroke();
   }
 
   drawCone(context, view, { x, y, yaw, range, echo }, px) {
@@ -172,4 +170,17 @@ function drawScale(context, view, px) {
   context.font = `600 ${12 * px}px system-ui, sans-serif`;
   context.textAlign = "right";
   context.fillText(`${metres} m`, right, bottom - 5 * px);
+}
+
+function replaceFrom(path, first, points) {
+  path.length = Math.min(path.length, 2 * first);
+  for (const value of points) path.push(value);
+}
+
+function drawPath(context, view, path, colour, width) {
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.beginPath();
+  for (let at = 0; at + 1 < path.length; at += 2) context.lineTo(...view.toScreen(path[at], path[at + 1]));
+  context.stroke();
 }

@@ -21,8 +21,8 @@ const MOST_POINTS: u64 = 4_000_000;
 
 /// First byte of a message with tiles.
 const TILES: u8 = 1;
-/// First byte of a message with a piece of the robot's path.
-const PATH: u8 = 2;
+/// First byte of a message with a piece of the trajectory in the map, and by odometry.
+const PATH: [u8; PATHS] = [2, 5];
 
 /// A part of the page of which only the newest message matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,8 +51,19 @@ pub struct Board {
     tiles: BTreeMap<TileKey, Tile>,
     /// The tiles in the order of their last change.
     order: BTreeMap<u64, TileKey>,
-    path_m: Vec<[f32; 2]>,
+    /// The trajectory in the map, and by odometry.
+    paths: [Path; PATHS],
     topics: [Option<(u64, Message)>; TOPICS],
+}
+
+/// Trajectories on the page.
+const PATHS: usize = 2;
+
+#[derive(Debug, Clone, Default)]
+struct Path {
+    points_m: Vec<[f32; 2]>,
+    /// Counts how often points were replaced by others.
+    revision: u64,
 }
 
 /// Layer, row and column of a tile.
@@ -68,8 +79,54 @@ struct Tile {
 #[derive(Debug, Clone, Default)]
 pub struct Cursor {
     tiles: u64,
-    points: usize,
+    paths: [PathCursor; PATHS],
     topics: [u64; TOPICS],
+}
+
+/// The points of a trajectory that a browser has received.
+#[derive(Debug, Clone, Copy, Default)]
+struct PathCursor {
+    points: usize,
+    revision: u64,
+}
+
+impl Path {
+    #[expect(clippy::float_cmp, reason = "a point that is the same to the bit is not sent again")]
+    fn take(&mut self, chunk: &WayChunk) {
+        self.points_m.truncate(chunk.total as usize);
+        let points = chunk.points_m.iter().take(chunk.count as usize);
+        for (index, point) in (chunk.first as usize..).zip(points) {
+            match self.points_m.get_mut(index) {
+                Some(known) if known == point => {}
+                Some(known) => {
+                    *known = *point;
+                    self.revision += 1;
+                }
+                // A missing piece is drawn as a straight line.
+                None => self.points_m.resize(index + 1, *point),
+            }
+        }
+    }
+
+    fn is_newer_than(&self, cursor: &PathCursor) -> bool {
+        self.points_m.len() != cursor.points || self.revision != cursor.revision
+    }
+
+    /// `[2, 0, 0, 0]` for the trajectory in the map or `[5, 0, 0, 0]` for that by odometry, the index of the first point as u32, then x
+    /// and y of each point as f32. Points after the last one are dropped.
+    fn update(&self, kind: u8, cursor: &mut PathCursor) -> Option<Message> {
+        if !self.is_newer_than(cursor) {
+            return None;
+        }
+        let known = if self.revision == cursor.revision { cursor.points } else { 0 };
+        let first = known.min(self.points_m.len());
+        let last = self.points_m.len().min(first + POINTS_AT_ONCE);
+        *cursor = PathCursor { points: last, revision: self.revision };
+        let mut bytes = vec![kind, 0, 0, 0];
+        bytes.extend((first as u32).to_le_bytes());
+        bytes.extend(self.points_m[first..last].iter().flatten().flat_map(|value| value.to_le_bytes()));
+        Some(Message::Binary(bytes.into()))
+    }
 }
 
 impl Board {
@@ -110,19 +167,13 @@ impl Board {
         self.tiles.insert(key, Tile { change: self.change, shades });
     }
 
-    /// Takes a piece of the robot's path.
+    /// Takes a piece of a trajectory.
     fn path(&mut self, chunk: &WayChunk) {
         if chunk.total > MOST_POINTS || chunk.first > chunk.total {
             return;
         }
-        self.path_m.truncate(chunk.total as usize);
-        let points = chunk.points_m.iter().take(chunk.count as usize);
-        for (index, point) in (chunk.first as usize..).zip(points) {
-            // A missing piece is drawn as a straight line.
-            self.path_m.resize(self.path_m.len().max(index + 1), *point);
-            if let Some(known) = self.path_m.get_mut(index) {
-                *known = *point;
-            }
+        if let Some(path) = self.paths.get_mut(chunk.trajectory as usize) {
+            path.take(chunk);
         }
     }
 
@@ -154,7 +205,7 @@ impl Board {
     pub fn has_updates(&self, cursor: &Cursor) -> bool {
         let newer = |(topic, received): (&Option<(u64, Message)>, &u64)| topic.as_ref().is_some_and(|(change, _)| change > received);
         self.order.last_key_value().is_some_and(|(change, _)| *change > cursor.tiles)
-            || self.path_m.len() != cursor.points
+            || self.paths.iter().zip(&cursor.paths).any(|(path, cursor)| path.is_newer_than(cursor))
             || self.topics.iter().zip(&cursor.topics).any(newer)
     }
 
@@ -169,23 +220,10 @@ impl Board {
                 updates.push(message.clone());
             }
         }
-        updates.extend(self.path_update(cursor));
+        let paths = self.paths.iter().zip(&mut cursor.paths);
+        updates.extend(PATH.into_iter().zip(paths).filter_map(|(kind, (path, cursor))| path.update(kind, cursor)));
         updates.extend(self.tile_update(cursor));
         updates
-    }
-
-    /// `[2, 0, 0, 0]`, the index of the first point as u32, then x and y of each point as f32. Points after the last one are dropped.
-    fn path_update(&self, cursor: &mut Cursor) -> Option<Message> {
-        let first = cursor.points.min(self.path_m.len());
-        let last = self.path_m.len().min(first + POINTS_AT_ONCE);
-        if first == last && cursor.points == last {
-            return None;
-        }
-        cursor.points = last;
-        let mut bytes = vec![PATH, 0, 0, 0];
-        bytes.extend((first as u32).to_le_bytes());
-        bytes.extend(self.path_m[first..last].iter().flatten().flat_map(|value| value.to_le_bytes()));
-        Some(Message::Binary(bytes.into()))
     }
 
     /// `[1, 0, 0, 0]`, then each tile: layer as u32, column and row as i32, a signed byte for each cell.
@@ -284,10 +322,29 @@ mod tests {
         board.path(&chunk);
         assert_eq!(lengths(board.updates(&mut cursor)), [8 + 8]);
         board.path(&WayChunk { first: 0, total: 1, count: 1, ..WayChunk::default() });
-        assert_eq!(board.updates(&mut cursor), [Message::binary(vec![PATH, 0, 0, 0, 1, 0, 0, 0])], "the browser drops the rest");
+        assert_eq!(board.updates(&mut cursor), [Message::binary(vec![PATH[0], 0, 0, 0, 1, 0, 0, 0])], "the browser drops the rest");
         assert!(!board.has_updates(&cursor));
         board.path(&WayChunk { first: 9, total: u64::MAX, count: 1, ..WayChunk::default() });
-        assert_eq!(board.path_m.len(), 1, "a path this long is not valid");
+        assert_eq!(board.paths[0].points_m.len(), 1, "a path this long is not valid");
+    }
+
+    #[test]
+    fn a_revised_path_is_sent_again() {
+        let mut board = Board::default();
+        let mut cursor = Cursor::default();
+        let mut chunk = WayChunk { first: 0, total: 2, count: 2, ..WayChunk::default() };
+        board.path(&chunk);
+        board.updates(&mut cursor);
+        chunk.points_m[0] = [0.5, 0.0];
+        board.path(&chunk);
+        assert!(board.has_updates(&cursor));
+        let first_m = 0.5_f32.to_le_bytes();
+        assert!(
+            matches!(&board.updates(&mut cursor)[..], [Message::Binary(bytes)] if bytes[..4] == [PATH[0], 0, 0, 0] && bytes[8..12] == first_m)
+        );
+        board.path(&WayChunk { trajectory: messages::Trajectory::Odometry as u32, ..chunk });
+        assert!(matches!(&board.updates(&mut cursor)[..], [Message::Binary(bytes)] if bytes[..4] == [PATH[1], 0, 0, 0]));
+        assert!(!board.has_updates(&cursor));
     }
 
     proptest! {

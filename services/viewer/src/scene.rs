@@ -4,9 +4,10 @@ use core::any::Any;
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::PI;
 
+use geometry::MapFromOdom;
 use messages::{
-    CameraMotion, CameraStatus, FilterVerdict, Heartbeat, PlaybackControl, Pose, SonarMotion, SonarScan, TrackedWalker, TruthScan,
-    TruthSurfaces, Walkers, seconds,
+    CameraMotion, CameraStatus, FilterVerdict, Heartbeat, PlaybackControl, Pose, RobotEstimate, SonarMotion, SonarScan, TrackedWalker,
+    TruthScan, TruthSurfaces, Walkers, seconds,
 };
 use serde::Serialize;
 
@@ -27,7 +28,8 @@ const REGION_SHOWN_S: f64 = 0.6;
 /// Most update regions that are shown.
 const MOST_REGIONS: usize = 32;
 
-/// The robot, its sonars and the walkers according to the newest messages.
+/// The robot, its sonars and the walkers according to the newest messages. Messages and what is kept of them are in the odom frame; they
+/// are drawn in the map frame, by the newest estimate.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     cell_m: f64,
@@ -37,6 +39,8 @@ pub struct Scene {
     first_ns: Option<u64>,
     stamp_ns: u64,
     scans: u64,
+    /// The newest estimate of the odom frame; `None` without localisation.
+    map_from_odom: Option<MapFromOdom>,
     pose: Pose,
     /// The newest reading of each sonar.
     cones: BTreeMap<u32, Timed<SonarCone>>,
@@ -174,6 +178,8 @@ impl Scene {
             self.verdict(seq, verdict);
         } else if let Some(walkers) = payload.downcast_ref() {
             self.walkers(stamp_ns, walkers);
+        } else if let Some(estimate) = payload.downcast_ref() {
+            self.estimate(estimate);
         } else if let Some(truth) = payload.downcast_ref() {
             self.truth(truth);
         } else if let Some(surfaces) = payload.downcast_ref() {
@@ -276,6 +282,11 @@ impl Scene {
         });
     }
 
+    /// Takes an estimate of the robot.
+    fn estimate(&mut self, estimate: &RobotEstimate) {
+        self.map_from_odom = Some(MapFromOdom::from_wire(&estimate.map_from_odom));
+    }
+
     /// Takes the true positions of the walkers.
     fn truth(&mut self, truth: &TruthScan) {
         let Some(start) = self.start else { return };
@@ -297,15 +308,23 @@ impl Scene {
     /// The scene as the page draws it.
     #[must_use]
     pub fn view(&self) -> SceneView {
+        let frame = self.map_from_odom.unwrap_or(MapFromOdom::IDENTITY);
+        let in_map = |region: &Region| {
+            let [x, y] = frame.apply([region.x, region.y]);
+            Region { x, y, radius: region.radius }
+        };
         SceneView {
             t: self.first_ns.map_or(0.0, |first_ns| seconds(self.stamp_ns.saturating_sub(first_ns))),
             scans: self.scans,
-            robot: self.first_ns.map(|_| [self.pose.x_m, self.pose.y_m, self.pose.yaw_rad]),
-            cones: self.cones.values().map(|cone| cone.value).collect(),
-            walkers: self.walkers.values().map(|walker| walker_view(&walker.value)).collect(),
-            sonar_movers: self.sonar_movers.iter().map(|mover| mover.value).collect(),
-            regions: self.regions.iter().map(|region| region.value).collect(),
-            withheld: self.withheld.iter().map(|echo| echo.value).collect(),
+            robot: self.first_ns.map(|_| {
+                let Pose { x_m, y_m, yaw_rad } = frame.to_wire().then(&self.pose);
+                [x_m, y_m, yaw_rad]
+            }),
+            cones: self.cones.values().map(|cone| cone.value.seen_from(&frame)).collect(),
+            walkers: self.walkers.values().map(|walker| walker_view(&walker.value, &frame)).collect(),
+            sonar_movers: self.sonar_movers.iter().map(|mover| in_map(&mover.value)).collect(),
+            regions: self.regions.iter().map(|region| in_map(&region.value)).collect(),
+            withheld: self.withheld.iter().map(|echo| frame.apply(echo.value)).collect(),
             from_sonar: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_SONAR != 0),
             from_camera: self.inputs.map(|inputs| inputs & FilterVerdict::FROM_CAMERA != 0),
             true_walkers: self.true_walkers.clone(),
@@ -331,9 +350,17 @@ impl Scene {
     }
 }
 
-fn walker_view(walker: &TrackedWalker) -> WalkerView {
-    let region = Region { x: walker.x_m, y: walker.y_m, radius: WALKER_RADIUS_M };
-    WalkerView { name: name(walker.track), region, vx: walker.velocity_x_m_s, vy: walker.velocity_y_m_s }
+impl SonarCone {
+    fn seen_from(&self, map_from_odom: &MapFromOdom) -> Self {
+        let [x, y] = map_from_odom.apply([self.x, self.y]);
+        Self { x, y, yaw: map_from_odom.yaw_rad + self.yaw, ..*self }
+    }
+}
+
+fn walker_view(walker: &TrackedWalker, map_from_odom: &MapFromOdom) -> WalkerView {
+    let [x, y] = map_from_odom.apply([walker.x_m, walker.y_m]);
+    let [vx, vy] = MapFromOdom::new(0.0, 0.0, map_from_odom.yaw_rad).apply([walker.velocity_x_m_s, walker.velocity_y_m_s]);
+    WalkerView { name: name(walker.track), region: Region { x, y, radius: WALKER_RADIUS_M }, vx, vy }
 }
 
 /// Appends a value; the oldest goes when there are more than `most`.
@@ -384,6 +411,35 @@ mod tests {
         let view = scene.view();
         assert!(view.withheld.is_empty() && view.regions.is_empty());
         assert_eq!((view.t, view.scans, view.robot), (9.0, 3, Some([6.0, 0.0, 0.0])));
+    }
+
+    #[test]
+    fn everything_is_drawn_in_the_map_frame() {
+        let mut scene = Scene::new(0.05, None);
+        scene.scan(1, 0, &scan(1.0));
+        let mut walkers = Walkers { count: 1, ..Walkers::default() };
+        walkers.walkers[0] = TrackedWalker { x_m: 3.0, velocity_y_m_s: 1.2, track: 2, ..TrackedWalker::default() };
+        scene.walkers(0, &walkers);
+        let mut motion = SonarMotion { count: 1, ..SonarMotion::default() };
+        motion.movers[0] = Mover { map_x_m: 2.0, cells: 50, ..Mover::default() };
+        scene.motion(0, &motion);
+        let mut verdict = FilterVerdict { withheld: 1, count: 1, ..FilterVerdict::default() };
+        verdict.regions[0] = UpdateRegion { x_m: 1.1, y_m: 2.0, cells: 16.0 };
+        scene.verdict(1, &verdict);
+        scene.estimate(&RobotEstimate { map_from_odom: Pose::new(10.0, 0.0, PI / 2.0), ..RobotEstimate::default() });
+        let view = scene.view();
+        let places = [
+            ([view.robot.unwrap()[0], view.robot.unwrap()[1]], [10.0, 1.0]),
+            ([view.cones[0].x, view.cones[0].y], [10.0, 1.1]),
+            ([view.walkers[0].region.x, view.walkers[0].region.y], [10.0, 3.0]),
+            ([view.walkers[0].vx, view.walkers[0].vy], [-1.2, 0.0]),
+            ([view.sonar_movers[0].x, view.sonar_movers[0].y], [10.0, 2.0]),
+            ([view.regions[0].x, view.regions[0].y], [8.0, 1.1]),
+            (view.withheld[0], [8.0, 1.1]),
+        ];
+        for (at, ([x, y], [expected_x, expected_y])) in places.into_iter().enumerate() {
+            assert!((x - expected_x).hypot(y - expected_y) < 1e-9, "{at}: {x} {y}");
+        }
     }
 
     #[test]

@@ -168,7 +168,7 @@ fn channels_and_messages_are_those_of_a_log() {
     bench.flush();
     let (id, bytes) = foxglove.message(1_000);
     assert_eq!((id, SonarScan::decode(&bytes).unwrap()), (5, (3, scan)));
-    assert_eq!(foxglove.message(1_000), (6, PoseView::encode(&scan, 1_000).into()));
+    assert_eq!(foxglove.message(1_000), (6, PoseView::encode(&scan, &Pose::default(), 1_000).into()));
     assert_eq!(foxglove.message(2_000), (9, Image::encode(&layout, &[7, 8], 4, 2_000).into()));
     assert_eq!(bench.feed.sent(), Sent { messages: 3, ..Sent::default() });
     assert!(bench.feed.wants::<CameraFrame>());

@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 use drivelog::{Image, Logged, MapView, PoseView};
-use messages::{FrameLayout, MapTile, Pictures, Recorded};
+use messages::{FrameLayout, MapTile, Pictures, Pose, Recorded, RobotEstimate};
 
 use super::channels::Channels;
 use super::client::{Client, Offer};
@@ -26,6 +26,8 @@ pub struct Feed<S: Read + Write> {
     /// The map by layer.
     maps: BTreeMap<u32, Map>,
     drawn: Instant,
+    /// The odom frame in the map frame by the newest estimate; without localisation both are the same.
+    map_from_odom: Pose,
     /// The newest sensor time.
     now_ns: Option<u64>,
     /// The time that was last sent to the clients.
@@ -62,6 +64,7 @@ impl<S: Read + Write> Feed<S> {
             clients: Vec::new(),
             maps: BTreeMap::new(),
             drawn: now,
+            map_from_odom: Pose::default(),
             now_ns: None,
             sent_time_ns: None,
             sent: Sent::default(),
@@ -100,8 +103,12 @@ impl<S: Read + Write> Feed<S> {
         };
         self.send(T::SERVICE.name, log_ns, || payload.encode(seq, stamp_ns));
         let payload: &dyn Any = payload;
+        if let Some(RobotEstimate { map_from_odom, .. }) = payload.downcast_ref() {
+            self.map_from_odom = *map_from_odom;
+        }
         if let Some(scan) = payload.downcast_ref() {
-            self.send(PoseView::TOPIC, stamp_ns, || PoseView::encode(scan, stamp_ns));
+            let map_from_odom = self.map_from_odom;
+            self.send(PoseView::TOPIC, stamp_ns, || PoseView::encode(scan, &map_from_odom, stamp_ns));
         }
         if let Some(tile) = payload.downcast_ref::<MapTile>() {
             let map = self.maps.entry(tile.layer).or_default();
