@@ -35,6 +35,7 @@ mod harness;
 mod kills;
 mod line_noise;
 mod live_page;
+mod localisation;
 mod log_loss;
 mod machine;
 mod map_export;

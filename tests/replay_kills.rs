@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use drivelog::{Entry, Log, Recording};
-use messages::{CameraFrame, CameraMotion, FilterVerdict, SonarMotion, SonarScan};
+use messages::{CameraFrame, CameraMotion, FilterVerdict, RobotEstimate, SonarMotion, SonarScan, TrajectoryRevision};
 
 use crate::harness::blocked_file::{BlockedFile, Room};
 use crate::harness::processes::{Exit, kill, resume, stop};
@@ -27,6 +27,7 @@ static DRIVE: LazyLock<Drive> = LazyLock::new(|| {
     let recorded = RecordedDrive::of(&drive.set("simulator.world", worlds::write(&sandbox, &world)), true);
     let undisturbed = Outcome::of(&sandbox, &replay(&sandbox, &recorded.write(&sandbox)).end());
     assert!(undisturbed.motions.iter().any(|(_, it)| it.count > 0) && undisturbed.camera_motions.iter().any(|(_, it)| it.count > 0));
+    assert!(undisturbed.estimates.iter().any(|(_, it)| it.walls > 0), "poses follow from walls");
     assert!(undisturbed.verdicts.iter().any(|(_, it)| it.withheld > 0), "a lost verdict changes the map");
     Drive { recorded, undisturbed }
 });
@@ -52,6 +53,8 @@ struct Outcome {
     motions: Vec<(u64, SonarMotion)>,
     camera_motions: Vec<(u64, CameraMotion)>,
     verdicts: Vec<(u64, FilterVerdict)>,
+    estimates: Vec<(u64, RobotEstimate)>,
+    revisions: Vec<(u64, TrajectoryRevision)>,
 }
 
 impl Outcome {
@@ -68,6 +71,8 @@ impl Outcome {
             motions: recorded(&log),
             camera_motions: recorded(&log),
             verdicts: recorded(&log),
+            estimates: recorded(&log),
+            revisions: recorded(&log),
         }
     }
 
@@ -77,6 +82,8 @@ impl Outcome {
         assert!(self.motions == expected.motions, "{what}: motion seen by the sonars");
         assert!(self.camera_motions == expected.camera_motions, "{what}: motion seen by the camera");
         assert!(self.verdicts == expected.verdicts, "{what}: the verdicts");
+        assert!(self.estimates == expected.estimates, "{what}: the estimates");
+        assert!(self.revisions == expected.revisions, "{what}: the revisions");
         assert_eq!(self.map, expected.map, "{what}: the map");
     }
 }
@@ -95,7 +102,7 @@ fn deployment(log: &Path, programs: &[&str], window: u32) -> Deployment {
 
 /// A replay with every process that it can have.
 fn replay(sandbox: &Sandbox, log: &Path) -> Run {
-    let all = deployment(log, &["recorder", "mapping", "fti", "std", "sbs", "injector", "viewer", "playback"], 16);
+    let all = deployment(log, &["recorder", "mapping", "fti", "std", "localisation", "sbs", "injector", "viewer", "playback"], 16);
     sandbox.run(&all.set("injector.services", ["robot/scan", "motion/sonar", "motion/camera", "map/verdict"]), &[])
 }
 
@@ -207,6 +214,11 @@ fn std_killed_at_any_moment_changes_nothing() {
 #[test]
 fn fti_killed_at_any_moment_changes_nothing() {
     kill_at_every_moment("fti");
+}
+
+#[test]
+fn localisation_killed_at_any_moment_changes_nothing() {
+    kill_at_every_moment("localisation");
 }
 
 #[test]
