@@ -15,6 +15,8 @@ pub struct Gaps {
     pub parts: Vec<(u32, u32)>,
     /// What is missing of a sensor's stream, by its service.
     pub messages: BTreeMap<String, Missing>,
+    /// Parts up to this number may have been removed by the limits of the recorder. They are not in `parts`.
+    pub removed: u32,
 }
 
 /// What a log lacks of one stream.

@@ -8,7 +8,7 @@ use crate::damage::{Damage, Fault};
 use crate::deframer::{MAGIC, opcode};
 use crate::ending::Ending;
 use crate::fields::Fields;
-use crate::preamble::{DESCRIPTION, Preamble, SETTINGS, part_number};
+use crate::preamble::{DESCRIPTION, Preamble, SETTINGS, part_number, removed_parts};
 use crate::records::{Record, RecordReader, damage, named_texts};
 
 /// What a file says of its run and of itself.
@@ -16,6 +16,8 @@ pub(crate) struct Head {
     pub(crate) preamble: Preamble,
     /// The number of the part, unless an earlier version has written it.
     pub(crate) number: Option<u32>,
+    /// Parts up to this number may have been removed on purpose.
+    pub(crate) removed: u32,
 }
 
 /// The records of which a head is made, as far as they are found.
@@ -55,8 +57,8 @@ impl Head {
                 records = RecordReader::new(source);
             }
             if let Found { settings: Some(settings), description: Some(entries), .. } = &mut found {
-                let number = part_number(entries);
-                break Self { preamble: Preamble::read(std::mem::take(settings), entries)?, number };
+                let (number, removed) = (part_number(entries), removed_parts(entries));
+                break Self { preamble: Preamble::read(std::mem::take(settings), entries)?, number, removed };
             }
         };
         if found.is_behind_messages {
@@ -211,7 +213,7 @@ mod tests {
                 writer.write_to_known_channel(&header, &vec![7; 1 << 20]).unwrap();
             }
             if has_head {
-                writer.write_metadata(&preamble.metadata(1)).unwrap();
+                writer.write_metadata(&preamble.metadata(1, 0)).unwrap();
                 writer.attach(&preamble.attachment()).unwrap();
             }
             writer.finish().unwrap();

@@ -148,6 +148,9 @@ impl fmt::Display for Info {
                 printable(&part.outcome.to_string())
             )?;
         }
+        if self.gaps.removed > 0 {
+            writeln!(f, "removed   parts up to {} by the limits of the recorder, unless they are listed", self.gaps.removed)?;
+        }
         for (topic, channel) in &self.channels {
             writeln!(f, "topic     {:<24} {:>9} messages  {}", printable(topic), channel.messages, printable(&channel.schema))?;
         }

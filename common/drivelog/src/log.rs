@@ -84,6 +84,8 @@ pub struct Log {
     parts: Vec<Part>,
     numbers: Numbers,
     missing_parts: Vec<(u32, u32)>,
+    /// Parts up to this number may have been removed on purpose.
+    removed: u32,
     /// Number of the part that was opened last.
     number: u32,
     /// The log was opened by its first file: every part is expected.
@@ -125,6 +127,7 @@ impl Log {
                         add_range(&mut missing_parts, 0, number);
                     }
                     let preamble = reader.preamble().clone();
+                    let removed = reader.removed().max(removed_at_last(&waiting, reader.preamble().run));
                     let waiting_bytes = waiting.iter().filter_map(|(_, path)| path.metadata().ok()).map(|file| file.len()).sum();
                     let current = Some(Current { path, bytes, reader });
                     return Ok(Self {
@@ -135,6 +138,7 @@ impl Log {
                         parts,
                         numbers: Numbers::default(),
                         missing_parts,
+                        removed,
                         number,
                         expects_parts,
                         continues: false,
@@ -161,7 +165,18 @@ impl Log {
     /// What the log lacks, as far as it has been read.
     #[must_use]
     pub fn gaps(&self) -> Gaps {
-        Gaps { parts: self.missing_parts.clone(), messages: self.numbers.missing().clone() }
+        let not_on_purpose = self.missing_parts.iter().filter(|(_, last)| *last > self.removed);
+        Gaps {
+            parts: not_on_purpose.map(|(first, last)| ((*first).max(self.removed.saturating_add(1)), *last)).collect(),
+            messages: self.numbers.missing().clone(),
+            removed: self.removed,
+        }
+    }
+
+    /// Parts up to this number may have been removed by the limits of the recorder.
+    #[must_use]
+    pub fn removed_parts(&self) -> u32 {
+        self.removed
     }
 
     /// The next message or the end of the stream of `T`, passing over everything else; `None` at the end of the log.
@@ -250,12 +265,16 @@ impl Log {
     /// Opens the next part of this run; false when there is none.
     fn open_next(&mut self) -> Result<bool, LogError> {
         while let Some((number, path)) = self.waiting.pop_front() {
-            add_range(&mut self.missing_parts, self.number, number);
+            let before = self.number;
+            add_range(&mut self.missing_parts, before, number);
             self.number = number;
             let (bytes, file) = open(&path)?;
             self.waiting_bytes = self.waiting_bytes.saturating_sub(bytes);
             let outcome = match PartReader::new(file) {
                 Ok(reader) if reader.preamble().run == self.preamble.run => {
+                    if number - before > 1 && number <= self.removed.saturating_add(1) {
+                        self.numbers.forget();
+                    }
                     self.current = Some(Current { path, bytes, reader });
                     return Ok(true);
                 }
@@ -285,10 +304,10 @@ impl Log {
 
     /// Takes note of the number of the current message; false if the log has had it before.
     fn is_new(&mut self) -> bool {
-        let Self { current, numbers, number, .. } = self;
+        let Self { current, numbers, number, removed, .. } = self;
         let Some(message) = current.as_ref().and_then(|current| current.reader.message()) else { return true };
         let topic = message.channel.topic.as_str();
-        !is_sequenced(topic) || numbers.take(topic, message.sequence, *number == 1)
+        !is_sequenced(topic) || numbers.take(topic, message.sequence, *number <= removed.saturating_add(1))
     }
 
     /// The error of the current message.
@@ -311,6 +330,13 @@ fn until_entry<T>(mut step: impl FnMut() -> Result<Step<T>, LogError>) -> Result
             Step::AtEnd => return Ok(None),
         }
     }
+}
+
+/// Parts up to this number may have been removed on purpose, as the last readable part of a run says, which knows of all removals.
+fn removed_at_last(waiting: &VecDeque<(u32, PathBuf)>, run: u64) -> u32 {
+    let reader = |path: &PathBuf| PartReader::new(File::open(path).ok()?).ok();
+    let mut later = waiting.iter().rev().filter_map(|(_, path)| reader(path));
+    later.find(|reader| reader.preamble().run == run).map_or(0, |reader| reader.removed())
 }
 
 /// Adds the numbers between these two.

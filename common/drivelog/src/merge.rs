@@ -41,7 +41,7 @@ pub fn merge(from: &[PathBuf], to: &Path) -> Result<Recovered, LogError> {
 fn write(pieces: &mut [Piece], file: &mut File) -> Result<Recovered, Fault> {
     let mut merged = Recovered::default();
     let Some(first) = pieces.first() else { return Ok(merged) };
-    let mut writer = LogWriter::new(first.log.preamble(), 1)?;
+    let mut writer = LogWriter::new(first.log.preamble(), 1, 0)?;
     // The last number of each stream, low 32 bits.
     let mut numbers: BTreeMap<String, u32> = BTreeMap::new();
     pieces.iter_mut().for_each(|piece| piece.advance(&mut merged));

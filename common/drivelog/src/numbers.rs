@@ -18,8 +18,13 @@ pub(crate) struct Numbers {
 }
 
 impl Numbers {
+    /// Begins anew: the parts before this one were removed on purpose.
+    pub(crate) fn forget(&mut self) {
+        self.last.clear();
+    }
+
     /// Takes the next message of a stream, by the low 32 bits of its number; false when it was there before. A restarted recorder receives
-    /// messages again that it had recorded.
+    /// messages again that it had recorded. `is_first_part` says that nothing is missing before the part.
     pub(crate) fn take(&mut self, topic: &str, sequence: u32, is_first_part: bool) -> bool {
         let last = self.last.get_mut(topic);
         // A stream that begins in a later part has begun with the run.

@@ -30,6 +30,11 @@ impl<R: Read + Seek> PartReader<R> {
         self.head.number
     }
 
+    /// Parts up to this number may have been removed on purpose.
+    pub(crate) fn removed(&self) -> u32 {
+        self.head.removed
+    }
+
     /// Whether the file says that another part follows. It says so at its end.
     pub(crate) fn continues(&self) -> bool {
         self.messages.continues()

@@ -20,6 +20,8 @@ pub(crate) const DESCRIPTION: &str = "stillmap";
 pub(crate) const CONTINUED: &str = "stillmap.continued";
 /// Entry of the description with the number of the part. Logs of earlier versions lack it.
 const PART: &str = "part";
+/// Entry of the description with the last part that the limits of the recorder may have removed.
+const REMOVED: &str = "removed";
 
 /// A record at the end of a part, which says that another part follows.
 pub(crate) fn continued() -> Metadata {
@@ -29,6 +31,11 @@ pub(crate) fn continued() -> Metadata {
 /// The number of the part with this description, from 1.
 pub(crate) fn part_number(entries: &BTreeMap<String, String>) -> Option<u32> {
     entries.get(PART)?.parse().ok()
+}
+
+/// Parts up to this number may have been removed on purpose, by a part with this description; 0 if none.
+pub(crate) fn removed_parts(entries: &BTreeMap<String, String>) -> u32 {
+    entries.get(REMOVED).and_then(|number| number.parse().ok()).unwrap_or_default()
 }
 
 /// The description at the start of a log, where a cut file has it too.
@@ -58,8 +65,8 @@ impl Preamble {
         }
     }
 
-    /// The rest as the second, in the part of this number.
-    pub(crate) fn metadata(&self, part: u32) -> Metadata {
+    /// The rest as the second, in the part of this number. Parts up to `removed` may be gone on purpose.
+    pub(crate) fn metadata(&self, part: u32, removed: u32) -> Metadata {
         let entries = [
             ("format", FORMAT.to_owned()),
             ("run", format!("{:016x}", self.run)),
@@ -68,7 +75,11 @@ impl Preamble {
             ("origin", self.origin.clone()),
             (PART, part.to_string()),
         ];
-        Metadata { name: DESCRIPTION.to_owned(), metadata: entries.into_iter().map(|(key, value)| (key.to_owned(), value)).collect() }
+        let removed = (removed > 0).then(|| (REMOVED, removed.to_string()));
+        Metadata {
+            name: DESCRIPTION.to_owned(),
+            metadata: entries.into_iter().chain(removed).map(|(key, value)| (key.to_owned(), value)).collect(),
+        }
     }
 
     /// From the two records.

@@ -52,18 +52,19 @@ impl Recording {
     /// # Errors
     /// When the preamble is too large for the format.
     pub fn new(preamble: &Preamble) -> Result<Self, WriteError> {
-        Ok(Self { log: LogWriter::new(preamble, 1)?, scene: Scene::default(), early: VecDeque::new() })
+        Ok(Self { log: LogWriter::new(preamble, 1, 0)?, scene: Scene::default(), early: VecDeque::new() })
     }
 
     /// The part `number` of a log, after one that ended with `scene`. It starts with the messages of the chunks in `unwritten`, which
-    /// are not in the file of that part, and with the complete map, so that a viewer can show the part by itself.
+    /// are not in the file of that part, and with the complete map, so that a viewer can show the part by itself. Parts up to `removed` may
+    /// be gone on purpose: a log without them is complete.
     ///
     /// # Errors
     /// As [`Recording::new`].
-    pub fn after(mut scene: Scene, unwritten: &[u8], number: u32, preamble: &Preamble) -> Result<Self, WriteError> {
+    pub fn after(mut scene: Scene, unwritten: &[u8], number: u32, removed: u32, preamble: &Preamble) -> Result<Self, WriteError> {
         let layers: Vec<u32> = scene.pictures.keys().copied().collect();
         let channels = std::mem::take(&mut scene.channels);
-        let mut recording = Self { log: LogWriter::new(preamble, number)?, scene, early: VecDeque::new() };
+        let mut recording = Self { log: LogWriter::new(preamble, number, removed)?, scene, early: VecDeque::new() };
         carry(unwritten, &channels, &mut recording.log)?;
         layers.into_iter().try_for_each(|layer| recording.show_picture(layer))?;
         Ok(recording)

@@ -40,7 +40,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, LogError> {
 
 /// Copies the messages of a log that `is_chosen` accepts.
 pub(crate) fn copy(log: &mut Log, file: &mut File, is_chosen: &mut dyn FnMut(&RawMessage<'_>) -> bool) -> Result<Recovered, Fault> {
-    let mut writer = LogWriter::new(log.preamble(), 1)?;
+    let mut writer = LogWriter::new(log.preamble(), 1, 0)?;
     let mut recovered = Recovered::default();
     loop {
         match log.advance() {

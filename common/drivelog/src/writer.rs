@@ -88,11 +88,11 @@ impl Write for Outbox {
 }
 
 impl LogWriter {
-    /// A part of a log, which starts with what its replay needs.
+    /// A part of a log, which starts with what its replay needs. Parts up to `removed` may be gone on purpose.
     ///
     /// # Errors
     /// When the preamble is too large for the format.
-    pub(crate) fn new(preamble: &Preamble, part: u32) -> Result<Self, WriteError> {
+    pub(crate) fn new(preamble: &Preamble, part: u32, removed: u32) -> Result<Self, WriteError> {
         let outbox = Outbox::default();
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Lz4))
@@ -102,7 +102,7 @@ impl LogWriter {
             .library(concat!("stillmap ", env!("CARGO_PKG_VERSION")))
             .create(NoSeek::new(outbox.clone()))?;
         writer.attach(&preamble.attachment())?;
-        writer.write_metadata(&preamble.metadata(part))?;
+        writer.write_metadata(&preamble.metadata(part, removed))?;
         Ok(Self { writer, outbox, channels: BTreeMap::new(), chunks: 0 })
     }
 

@@ -103,7 +103,7 @@ fn missing(change: impl FnOnce(&Path)) -> Vec<String> {
         }
         let (bytes, scene) = recording.finish_part().unwrap();
         std::fs::write(file, bytes).unwrap();
-        recording = Recording::after(scene, &[], number + 1, &payloads::preamble(7)).unwrap();
+        recording = Recording::after(scene, &[], number + 1, 0, &payloads::preamble(7)).unwrap();
     }
     change(&path);
     let summary = info(&path).unwrap();
@@ -152,7 +152,7 @@ fn a_part_that_was_not_written_begins_the_next_one() {
     let (unwritten, scene) = recording.finish_part().unwrap();
     // With the bytes that come before it, as if the first write had failed.
     for unwritten in [unwritten.clone(), [written, unwritten].concat()] {
-        let mut recording = Recording::after(scene.clone(), &unwritten, 2, &payloads::preamble(7)).unwrap();
+        let mut recording = Recording::after(scene.clone(), &unwritten, 2, 0, &payloads::preamble(7)).unwrap();
         recording.scan(3, 120_000_000, &scan(3)).unwrap();
         std::fs::write(part_path(&path, 2), recording.finish().unwrap()).unwrap();
         assert_eq!(scans(&path), [1, 2, 3]);
@@ -194,7 +194,7 @@ fn the_next_part_begins_with_the_map_and_the_time_of_the_last() {
     }
     let (bytes, scene) = recording.finish_part().unwrap();
     std::fs::write(&path, bytes).unwrap();
-    let mut recording = Recording::after(scene, &[], 2, &payloads::preamble(7)).unwrap();
+    let mut recording = Recording::after(scene, &[], 2, 0, &payloads::preamble(7)).unwrap();
     recording.report(5, 6, &Heartbeat::default()).unwrap();
     recording.scan(2, 80_000_000, &scan(2)).unwrap();
     let second = part_path(&path, 2);

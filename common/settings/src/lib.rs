@@ -69,7 +69,7 @@ pub use mapping::{
 pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SharePort, SpeedLimit, TurnLimit};
 pub use playback::{Playback, Window};
 pub use programs::{BuiltIn, Process, Program, Published};
-pub use recorder::{FlushInterval, Recorder};
+pub use recorder::{FlushInterval, FreeSpace, LogSpace, Recorder};
 pub use reference::{reference, schema};
 pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus, RangeLimit, Robot, Sonar, UnitLength};
 pub use simulator::{Provides, Seed, SimulatedCamera, Simulator};

@@ -9,6 +9,10 @@ use crate::text::FileName;
 bounded! {
     /// Time between two flushes of the log.
     FlushInterval: f64 in 0.05..=60.0, "s", default 1.0;
+    /// Space that a log may take.
+    LogSpace: f64 in 64.0..=1e9, "MB";
+    /// Space that stays free.
+    FreeSpace: f64 in 1.0..=1e9, "MB";
 }
 
 /// `[recorder]`: the log of a run.
@@ -22,10 +26,23 @@ pub struct Recorder {
     pub flush_s: FlushInterval,
     /// Whether the pictures of the camera are recorded. In grey at 15 Hz they take 17 MB per minute at 160 × 120, 280 MB at 640 × 480.
     pub pictures: bool,
+    /// Space that the log may take. Old parts are removed; one is kept if a file of its name with `.keep` behind it is there. The default
+    /// is no limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keep_mb: Option<LogSpace>,
+    /// Space of the disk that the log leaves free, by removing old parts. The default is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leave_free_mb: Option<FreeSpace>,
 }
 
 impl Default for Recorder {
     fn default() -> Self {
-        Self { file: FileName::literal("drive.mcap"), flush_s: FlushInterval::default(), pictures: true }
+        Self {
+            file: FileName::literal("drive.mcap"),
+            flush_s: FlushInterval::default(),
+            pictures: true,
+            keep_mb: None,
+            leave_free_mb: None,
+        }
     }
 }

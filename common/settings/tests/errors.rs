@@ -101,7 +101,10 @@ fn texts_of_another_form() {
 
 #[test]
 fn unknown_and_missing_keys() {
-    check("[recorder]\nflush = 1.0", "demo.toml:9: recorder.flush: unknown key, expected one of flush_s, file, pictures");
+    check(
+        "[recorder]\nflush = 1.0",
+        "demo.toml:9: recorder.flush: unknown key, expected one of flush_s, file, pictures, keep_mb, leave_free_mb",
+    );
     check(
         "[mapping]\ncel_m = 1",
         "demo.toml:9: mapping.cel_m: unknown key, expected one of cell_m, k_o, l_max, fades, tuning, sigma_r_m, horizon_s, free_fade_m, lonely_below, half_beam_deg, no_echo_free_m, occupied_fade_m, keep_unfiltered",

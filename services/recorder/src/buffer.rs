@@ -36,12 +36,12 @@ impl LogBuffer {
         Ok(Self::of(Recording::new(preamble)?))
     }
 
-    /// An empty log that begins as part `number`, after parts that lack so many messages.
+    /// An empty log that begins as part `number`, after parts that lack so many messages. Parts up to `removed` may be gone on purpose.
     ///
     /// # Errors
     /// As [`LogBuffer::new`].
-    pub fn resumed(preamble: &Preamble, number: u32, dropped: u64) -> Result<Self, WriteError> {
-        Ok(Self { dropped, ..Self::of(Recording::after(Scene::default(), &[], number, preamble)?) })
+    pub fn resumed(preamble: &Preamble, number: u32, removed: u32, dropped: u64) -> Result<Self, WriteError> {
+        Ok(Self { dropped, ..Self::of(Recording::after(Scene::default(), &[], number, removed, preamble)?) })
     }
 
     fn of(recording: Recording) -> Self {
@@ -58,12 +58,12 @@ impl LogBuffer {
     }
 
     /// The buffer of part `number`, after this one, which [has ended](Self::end_part). It begins with the messages of this one that
-    /// are not written and with the map at its end, and its counts include those of this one.
+    /// are not written and with the map at its end, and its counts include those of this one. Parts up to `removed` may be gone on purpose.
     ///
     /// # Errors
     /// As [`LogBuffer::new`].
-    pub fn next(&self, preamble: &Preamble, number: u32) -> Result<Self, WriteError> {
-        let recording = Recording::after(self.scene.clone(), &self.pending, number, preamble)?;
+    pub fn next(&self, preamble: &Preamble, number: u32, removed: u32) -> Result<Self, WriteError> {
+        let recording = Recording::after(self.scene.clone(), &self.pending, number, removed, preamble)?;
         let (recorded, unwritten, dropped) = (self.recorded, self.unwritten, self.dropped);
         Ok(Self { recorded, unwritten, open: unwritten, dropped, ..Self::of(recording) })
     }
@@ -245,7 +245,7 @@ mod tests {
             if buffer.is_full() {
                 parts.last_mut().unwrap().extend_from_slice(buffer.end_part().unwrap());
                 buffer.written();
-                buffer = buffer.next(&preamble(), 2).unwrap();
+                buffer = buffer.next(&preamble(), 2, 0).unwrap();
                 parts.push(Vec::new());
             }
             parts.last_mut().unwrap().extend_from_slice(buffer.flush().unwrap());
@@ -270,7 +270,7 @@ mod tests {
         record(&mut buffer, 3);
         buffer.end_part().unwrap();
         assert_eq!((buffer.unwritten(), buffer.dropped()), (1, 1));
-        let mut next = buffer.next(&preamble(), 2).unwrap();
+        let mut next = buffer.next(&preamble(), 2, 0).unwrap();
         assert_eq!((next.recorded(), next.unwritten(), next.dropped()), (2, 1, 1));
         record(&mut next, 4);
         assert_eq!(scans(next.finish().unwrap()), [2, 4]);

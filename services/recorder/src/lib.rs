@@ -11,6 +11,7 @@
 //! takes at most a megabyte of memory. At the end every part is compared with what was written.
 //!
 //! - [`RunLog`]: the log of a run, part after part.
+//! - [`Limits`]: the space that it may take.
 //! - [`LogBuffer`]: what is recorded and not yet written.
 //! - [`LogFile`]: the file of one part.
 //! - [`WrittenPart`]: what was written, to be compared with what is there.
@@ -20,10 +21,12 @@
 
 mod buffer;
 mod file;
+mod limits;
 mod run_log;
 mod written;
 
 pub use buffer::LogBuffer;
 pub use file::LogFile;
+pub use limits::Limits;
 pub use run_log::{RunLog, Written};
 pub use written::{Change, WrittenPart};

@@ -5,12 +5,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
-use drivelog::{Preamble, WriteError};
+use drivelog::{Log, Preamble, WriteError};
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::buffer::LogBuffer;
 use crate::file::LogFile;
+use crate::limits::{Limits, remove};
 use crate::written::{Change, WrittenPart};
 
 /// What the recorder of a run has written, for the recorder that continues after it.
@@ -20,6 +21,8 @@ pub struct Written {
     pub parts: Vec<WrittenPart>,
     /// Number of messages that are in none of them.
     pub not_recorded: u64,
+    /// Parts up to this number may have been removed by the limits.
+    pub removed: u32,
 }
 
 /// The log of a run on its way to the disk.
@@ -38,6 +41,9 @@ pub struct RunLog {
     /// The reason that the last write failed, as it was logged.
     write_error: Option<String>,
     has_ended: bool,
+    limits: Limits,
+    /// Parts up to this number may have been removed by the limits.
+    removed: u32,
 }
 
 impl RunLog {
@@ -45,12 +51,24 @@ impl RunLog {
     ///
     /// # Errors
     /// When the file cannot be created, or the preamble is too large for the format.
-    pub fn open(path: &Path, preamble: Preamble, written: Written) -> io::Result<Self> {
+    pub fn open(path: &Path, preamble: Preamble, limits: Limits, written: Written) -> io::Result<Self> {
         let last = written.parts.last().map_or(0, |part| part.number);
         let file = LogFile::of_run(path, preamble.run, last)?;
-        let buffer = LogBuffer::resumed(&preamble, file.written().number, written.not_recorded).map_err(io::Error::other)?;
-        let (first_path, earlier) = (path.to_owned(), written.parts);
-        Ok(Self { preamble, first_path, buffer, file, earlier, is_left: false, changed: Vec::new(), write_error: None, has_ended: false })
+        let removed = written.removed.max(removed_before(path, preamble.run));
+        let buffer = LogBuffer::resumed(&preamble, file.written().number, removed, written.not_recorded).map_err(io::Error::other)?;
+        Ok(Self {
+            preamble,
+            first_path: path.to_owned(),
+            buffer,
+            file,
+            earlier: written.parts,
+            is_left: false,
+            changed: Vec::new(),
+            write_error: None,
+            has_ended: false,
+            limits,
+            removed,
+        })
     }
 
     /// The messages of the current part.
@@ -63,7 +81,7 @@ impl RunLog {
     pub fn written(&self) -> Written {
         let parts = self.earlier.iter().copied().chain([self.file.written()]).collect();
         let waiting = if self.is_blocked() { self.buffer.unwritten() } else { 0 };
-        Written { parts, not_recorded: self.buffer.dropped() + waiting }
+        Written { parts, not_recorded: self.buffer.dropped() + waiting, removed: self.removed }
     }
 
     /// Path of the current part.
@@ -96,7 +114,7 @@ impl RunLog {
         self.changed.len() as u64
     }
 
-    /// Bytes written by this recorder and the ones before it.
+    /// Bytes of the parts that this recorder and the ones before it have written and not removed.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.written().parts.iter().map(|part| part.bytes).sum()
@@ -126,7 +144,8 @@ impl RunLog {
 
     fn write(&mut self, bytes: impl FnOnce(&mut LogBuffer) -> Result<&[u8], WriteError>) -> Result<(), WriteError> {
         let change = self.file.change();
-        if change.is_some() || self.buffer.is_blocked() || self.buffer.is_full() {
+        let ends = || self.limits.ends_part(self.file.bytes(), &self.first_path, self.file.written().number);
+        if change.is_some() || self.buffer.is_blocked() || self.buffer.is_full() || ends() {
             return self.continue_in_next_part(change, None);
         }
         match self.file.append(bytes(&mut self.buffer)?) {
@@ -160,7 +179,10 @@ impl RunLog {
                 Err(other) => error = Some(other),
             }
         }
-        match self.begin_next_part() {
+        let number = self.file.written().number;
+        let excess = self.limits.excess(&self.first_path, number.saturating_add(1));
+        let removed = excess.last().map_or(self.removed, |part| part.number.max(self.removed));
+        match self.begin_next_part(removed) {
             Ok((file, buffer)) => {
                 let (old, new) = (self.file.path().display(), file.path().display());
                 match (change, error) {
@@ -173,6 +195,10 @@ impl RunLog {
                 }
                 self.changed.extend(change.map(|change| (self.file.path().to_owned(), change)));
                 self.earlier.push(self.file.written());
+                // The description of the next part names them, so that a reader does not miss them.
+                remove(&excess);
+                self.removed = removed;
+                self.earlier.retain(|part| excess.iter().all(|old| old.number != part.number));
                 (self.file, self.buffer) = (file, buffer);
                 (self.is_left, self.write_error) = (false, None);
             }
@@ -181,9 +207,9 @@ impl RunLog {
         Ok(())
     }
 
-    fn begin_next_part(&self) -> io::Result<(LogFile, LogBuffer)> {
+    fn begin_next_part(&self, removed: u32) -> io::Result<(LogFile, LogBuffer)> {
         let mut file = LogFile::after(&self.first_path, self.file.written().number)?;
-        let mut buffer = self.buffer.next(&self.preamble, file.written().number).map_err(io::Error::other)?;
+        let mut buffer = self.buffer.next(&self.preamble, file.written().number, removed).map_err(io::Error::other)?;
         match file.append(buffer.flush().map_err(io::Error::other)?) {
             Ok(()) => {
                 buffer.written();
@@ -252,6 +278,13 @@ impl RunLog {
     }
 }
 
+/// Parts up to this number may have been removed by the limits of an earlier recorder of this run, as its last part says.
+fn removed_before(path: &Path, run: u64) -> u32 {
+    // The file of the new part, which is empty, says nothing.
+    let log = Log::open(path).ok().filter(|log| log.preamble().run == run);
+    log.map_or(0, |log| log.removed_parts())
+}
+
 /// Bytes of a part that are not there any more.
 fn lost_bytes(part: &WrittenPart, first: &Path) -> u64 {
     match part.change(&part.path(first)) {
@@ -269,7 +302,7 @@ fn waits_for_space(error: &io::Error) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use drivelog::{Entry, Log, info};
+    use drivelog::{Entry, Log, following_parts, info};
     use messages::{Pose, SonarScan};
 
     fn preamble() -> Preamble {
@@ -310,7 +343,7 @@ mod tests {
         fn by(change: impl FnOnce(&Path)) -> Self {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("out/drive.mcap");
-            let mut log = RunLog::open(&path, preamble(), Written::default()).unwrap();
+            let mut log = RunLog::open(&path, preamble(), Limits::default(), Written::default()).unwrap();
             record(&mut log, 1..=2);
             log.flush().unwrap();
             record(&mut log, 3..=3);
@@ -374,7 +407,7 @@ mod tests {
     fn a_file_whose_writes_fail_is_continued_by_the_next_part() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
-        let mut log = RunLog::open(&path, preamble(), Written::default()).unwrap();
+        let mut log = RunLog::open(&path, preamble(), Limits::default(), Written::default()).unwrap();
         record(&mut log, 1..=2);
         log.flush().unwrap();
         log.file = log.file.on_a_failing_disk();
@@ -391,10 +424,10 @@ mod tests {
     fn an_earlier_part_that_is_removed_is_missed_at_the_end() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
-        let mut killed = RunLog::open(&path, preamble(), Written::default()).unwrap();
+        let mut killed = RunLog::open(&path, preamble(), Limits::default(), Written::default()).unwrap();
         record(&mut killed, 1..=2);
         killed.flush().unwrap();
-        let mut log = RunLog::open(&path, preamble(), killed.written()).unwrap();
+        let mut log = RunLog::open(&path, preamble(), Limits::default(), killed.written()).unwrap();
         record(&mut log, 3..=4);
         log.flush().unwrap();
         fs::remove_file(&path).unwrap();
@@ -406,7 +439,7 @@ mod tests {
     fn messages_that_wait_for_a_folder_are_written_later() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("out/drive.mcap");
-        let mut log = RunLog::open(&path, preamble(), Written::default()).unwrap();
+        let mut log = RunLog::open(&path, preamble(), Limits::default(), Written::default()).unwrap();
         log.flush().unwrap();
         record(&mut log, 1..=2);
         // A file where the folder was.
@@ -423,5 +456,44 @@ mod tests {
         assert_eq!(log.not_recorded(), 3);
         let gaps = info(&path).unwrap().gaps.lines();
         assert_eq!(gaps, ["part 1 of the log", "robot/scan: 3 messages: 3 to 5"]);
+    }
+    /// Records scans until there are so many parts, of about 64 scans each.
+    fn record_parts(log: &mut RunLog, seq: &mut u64, last_part: u32) {
+        while log.file.written().number < last_part {
+            record(log, *seq..=*seq);
+            *seq += 1;
+            log.flush().unwrap();
+        }
+    }
+
+    #[test]
+    fn a_log_within_its_limits_is_complete_without_its_old_parts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("drive.mcap");
+        // A part ends at 8 kB; 56 kB of those before it stay.
+        let limits = Limits { log_bytes: Some(64 << 10), free_bytes: None };
+        let mut log = RunLog::open(&path, preamble(), limits, Written::default()).unwrap();
+        let mut seq = 1;
+        record_parts(&mut log, &mut seq, 3);
+        fs::write(folder.path().join("drive.2.mcap.keep"), "").unwrap();
+        record_parts(&mut log, &mut seq, 20);
+        // A recorder that continues, after a kill and after a stop of the deployment.
+        for (written, last_part) in [(log.written(), 22), (Written::default(), 24)] {
+            log = RunLog::open(&path, preamble(), limits, written).unwrap();
+            record_parts(&mut log, &mut seq, last_part);
+        }
+        end(&mut log);
+        assert_eq!((log.parts_missing(), log.not_recorded()), (0, 0));
+        let numbers: Vec<u32> = following_parts(&path).unwrap().iter().map(|(number, _)| *number).collect();
+        assert!(!path.exists() && numbers[0] == 2 && numbers[1] > 10 && numbers.len() > 5, "{numbers:?}");
+        let bytes: u64 = following_parts(&path).unwrap().iter().map(|(_, part)| part.metadata().unwrap().len()).sum();
+        assert!(bytes < (64 << 10) + (16 << 10), "the marked part does not count: {bytes} bytes");
+        // The parts of the recorders that were killed have no index; nothing is missing.
+        let found = info(&path).unwrap();
+        assert!(found.gaps.is_empty() && found.damage_count == 0, "{found}");
+        assert_eq!(scans(&path).last(), Some(&(seq - 1)));
+        // A part that nothing has removed on purpose is missed.
+        fs::remove_file(drivelog::part_path(&path, *numbers.last().unwrap() - 1)).unwrap();
+        assert_eq!(info(&path).unwrap().gaps.missing_parts(), 1);
     }
 }

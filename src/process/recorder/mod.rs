@@ -3,7 +3,7 @@
 mod description;
 mod inputs;
 
-use ::recorder::{RunLog, Written};
+use ::recorder::{Limits, RunLog, Written};
 use anyhow::{Result, anyhow};
 use description::describe;
 use inputs::Inputs;
@@ -38,7 +38,8 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     let name = membership.process().to_owned();
     let checkpoint = shell.checkpoint();
     let RecorderState { last, log } = checkpoint.restore(RecorderState::from_snapshot).unwrap_or_default();
-    let log = RunLog::open(&path, preamble, log).map_err(|error| anyhow!("{}: the log cannot be created: {error}", path.display()))?;
+    let log = RunLog::open(&path, preamble, limits(&settings.recorder), log)
+        .map_err(|error| anyhow!("{}: the log cannot be created: {error}", path.display()))?;
     tracing::info!("recording into {}", log.path().display());
     let mut inputs = Inputs::open(&mut shell, settings.recorder.pictures)?;
     inputs.skip_to(last.scan, last.frame);
@@ -59,6 +60,11 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         syncing: None,
     };
     Ok(shell.run(&mut recorder)?)
+}
+
+fn limits(of: &settings::Recorder) -> Limits {
+    let bytes = |mb: f64| (mb * 1e6) as u64;
+    Limits { log_bytes: of.keep_mb.map(|most| bytes(most.get())), free_bytes: of.leave_free_mb.map(|least| bytes(least.get())) }
 }
 
 /// State that the next recorder of the run restores.
