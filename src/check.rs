@@ -137,7 +137,9 @@ pub(crate) fn missing_programs(settings: &Settings) -> Vec<String> {
         Program::Command(words) => Some((&process.name, words.first()?)),
         Program::BuiltIn(_) => None,
     });
-    commands.filter_map(|(name, program)| find_program(program).err().map(|error| format!("process {name}: {error}"))).collect()
+    let commands = commands.map(|(name, program)| (format!("process {name}"), program));
+    let hook = settings.supervisor.on_event.first().map(|program| ("supervisor.on_event".to_owned(), program));
+    commands.chain(hook).filter_map(|(name, program)| find_program(program).err().map(|error| format!("{name}: {error}"))).collect()
 }
 
 /// The devices that cannot be opened, with the reasons.

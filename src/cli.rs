@@ -7,6 +7,7 @@ use crate::demo::{self, DemoArgs};
 use crate::doctor::{self, DoctorArgs};
 use crate::evaluate::{self, EvaluateArgs};
 use crate::figures::{self, FiguresArgs};
+use crate::generate::{self, CompletionsArgs, ManArgs};
 use crate::inject::{self, InjectArgs};
 use crate::log::{self, LogCommand};
 use crate::logs::{self, LogsArgs};
@@ -84,6 +85,10 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Checks whether this computer can run a deployment, and names remedies
     Doctor(DoctorArgs),
+    /// Prints the completions of a shell
+    Completions(CompletionsArgs),
+    /// Writes the manual pages
+    Man(ManArgs),
     /// Runs one process of a deployment; the supervisor starts it
     #[command(hide = true)]
     Process {
@@ -127,6 +132,8 @@ impl Command {
             Self::World(args) => world::world(args)?,
             Self::Check(args) => check::check(args)?,
             Self::Doctor(args) => return doctor::doctor(args),
+            Self::Completions(args) => generate::completions(args)?,
+            Self::Man(args) => generate::man(args)?,
             Self::Process { kind } => process::process(kind)?,
             Self::Guard { directory } => supervisor::guard(directory)?,
         }

@@ -12,6 +12,7 @@ mod drive;
 mod evaluate;
 mod exit;
 mod figures;
+mod generate;
 mod inject;
 mod list;
 mod log;

@@ -14,6 +14,10 @@ use crate::journal::read;
 
 /// The file of the note.
 const NOTE: &str = "run";
+/// The file that is there while the run is running, with the id of the computer's boot.
+const RUNNING: &str = "running";
+/// The id of this boot (random(4)).
+const BOOT_ID: &str = "/proc/sys/kernel/random/boot_id";
 /// What a note begins with.
 const MAGIC: &str = "stillmap run 1";
 /// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
@@ -36,6 +40,8 @@ pub struct RunState {
     folder: PathBuf,
     note: Note,
     outlives: bool,
+    /// The computer stopped while the run was running.
+    computer_stopped: bool,
 }
 
 /// Whose the checkpoints in a folder are.
@@ -74,6 +80,10 @@ impl RunState {
         if let Err(error) = state.note_time(domain.clock().now_ns()) {
             tracing::warn!("{error}: the next start may resume with a clock that is behind");
         }
+        // After the note: a folder without one is no run's.
+        if let Err(error) = state.note_begin() {
+            tracing::warn!("{}: {error}: a power cut will not be noticed", state.folder.join(RUNNING).display());
+        }
         Ok((state, domain))
     }
 
@@ -81,6 +91,24 @@ impl RunState {
     #[must_use]
     pub fn is_resumed(&self) -> bool {
         self.note.start > 0
+    }
+
+    /// Whether the computer stopped, as in a power cut, while the run was running: what had not reached the disk is lost.
+    #[must_use]
+    pub fn computer_stopped(&self) -> bool {
+        self.computer_stopped
+    }
+
+    /// Notes that the run has ended and everything of it is written.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub fn note_end(&self) -> Result<(), DomainError> {
+        let path = self.folder.join(RUNNING);
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => Err(DomainError::Io { path, source }),
+            _ => Ok(()),
+        }
     }
 
     /// Keeps how late it is in the deployment for the next start of the run; to be called every second or so.
@@ -94,7 +122,7 @@ impl RunState {
     /// Checkpoints that go when the deployment does.
     fn of_the_run(run: &Run) -> Self {
         let note = Note { name: String::new(), made_with: 0, run: run.number, start: 0, last_ns: 0 };
-        Self { folder: run.state.clone(), note, outlives: false }
+        Self { folder: run.state.clone(), note, outlives: false, computer_stopped: false }
     }
 
     /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
@@ -112,7 +140,19 @@ impl RunState {
                 make_private(&folder)?;
             }
         }
-        Ok(Self { folder, note, outlives: true })
+        let computer_stopped = note.start > 0 && was_running_in_another_boot(&folder);
+        Ok(Self { folder, note, outlives: true, computer_stopped })
+    }
+
+    /// Notes on the disk that the run is running.
+    fn note_begin(&self) -> io::Result<()> {
+        if !self.outlives {
+            return Ok(());
+        }
+        let mut file = std::fs::File::create(self.folder.join(RUNNING))?;
+        file.write_all(&std::fs::read(BOOT_ID)?)?;
+        file.sync_all()?;
+        std::fs::File::open(&self.folder)?.sync_all()
     }
 
     /// Notes how late it is, where the next start will look.
@@ -129,6 +169,12 @@ impl RunState {
         }
         std::fs::rename(&fresh, note)
     }
+}
+
+/// Whether a run was running in this folder when the computer stopped.
+fn was_running_in_another_boot(folder: &Path) -> bool {
+    let this_boot = std::fs::read(BOOT_ID).ok();
+    std::fs::read(folder.join(RUNNING)).is_ok_and(|boot| this_boot.is_some_and(|this_boot| boot != this_boot))
 }
 
 enum Found {
@@ -245,6 +291,23 @@ mod tests {
                 std::fs::remove_dir_all(&folder).expect("removed");
             }
         }
+    }
+
+    #[test]
+    fn a_run_that_another_boot_has_not_ended_was_cut() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let was_cut = |run| begin(&folder, "robot", "cells of 0.1 m", false, run).computer_stopped();
+        assert!(!was_cut(1), "a new run");
+        assert!(!was_cut(2), "one that has ended");
+        let state = begin(&folder, "robot", "cells of 0.1 m", false, 3);
+        state.note_begin().expect("noted");
+        assert!(!was_cut(4), "one that was killed in this boot");
+        std::fs::write(folder.join(RUNNING), "the id of another boot\n").expect("written");
+        assert!(was_cut(5));
+        state.note_end().expect("noted");
+        assert!(!was_cut(6));
+        state.note_end().expect("it is not there");
     }
 
     #[test]

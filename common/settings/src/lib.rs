@@ -75,6 +75,7 @@ pub use robot::{HeadingUnits, Model, MountHeading, MountOffset, OdometryModulus,
 pub use simulator::{Provides, Seed, SimulatedCamera, Simulator};
 pub use supervisor::{
     DiskLow, FirstBackoff, HeartbeatTimeout, LastBackoff, RestartBudget, RestartPeriod, StartupDeadline, StopDeadline, Supervisor,
+    SyncInterval,
 };
 pub use temporal_difference::{Aside, FreeFor, MovingCell, MovingShare, Span, Std, Tolerance};
 pub use text::{BadText, FileName, Name, NetworkPort, Port};

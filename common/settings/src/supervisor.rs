@@ -20,6 +20,8 @@ bounded! {
     LastBackoff: f64 in 0.001..=600.0, "s", default 5.0;
     /// Time to stop in before a process is killed.
     StopDeadline: f64 in 0.1..=600.0, "s", default 3.0;
+    /// Time between two syncs of the disk.
+    SyncInterval: f64 in 1.0..=3600.0, "s", default 10.0;
     /// Free space below which the disk counts as nearly full.
     DiskLow: f64 in 0.0..=1e9, "MB", default 500.0;
 }
@@ -42,6 +44,9 @@ pub struct Supervisor {
     pub backoff_last_s: LastBackoff,
     /// Time to stop in order. A process that takes longer is killed.
     pub stop_deadline_s: StopDeadline,
+    /// Time between two syncs of the disk, in a run that can be resumed. A power cut takes at most this time of the log, and this time
+    /// with the last 64 scans of the map.
+    pub sync_s: SyncInterval,
     /// Program with its arguments that is started at each event: a process fails or restarts, messages are lost, the disk is nearly
     /// full. The environment has the event (docs/operations.md). Without it events are only logged.
     #[serde(skip_serializing_if = "Vec::is_empty")]

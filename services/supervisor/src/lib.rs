@@ -14,6 +14,7 @@
 
 mod child;
 mod deployment;
+mod disk_sync;
 mod events;
 mod executable;
 mod guard;
@@ -35,6 +36,7 @@ mod removal;
 mod requests;
 mod run;
 mod running;
+mod service;
 mod usage;
 mod vitals;
 mod watch;

@@ -2,6 +2,7 @@
 
 use crate::child::Child;
 use crate::deployment::Deployment;
+use crate::disk_sync::DiskSync;
 use crate::events::{Action, Event, Notice};
 use crate::executable::own_command;
 use crate::guard::Guard;
@@ -21,6 +22,7 @@ use crate::program::find_program;
 use crate::removal::Removal;
 use crate::requests::take_restart_requests;
 use crate::running::{Options, Report, RunError};
+use crate::service::ServiceManager;
 use crate::vitals::{MachineUnits, Vitals};
 use crate::watch::{Watch, free_mb};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
@@ -101,6 +103,9 @@ struct Supervisor<'a> {
     map: Option<MapSummary>,
     watch: Watch,
     hook: Hook,
+    service: ServiceManager,
+    /// For a run that can be resumed.
+    disk: Option<DiskSync>,
 }
 
 /// What has to be there before the first process.
@@ -164,6 +169,12 @@ impl<'a> Supervisor<'a> {
         if state.is_resumed() {
             tracing::info!("the last run is resumed, with the map as it was; --fresh begins a new one");
         }
+        if state.computer_stopped() {
+            let sync_s = settings.supervisor.sync_s.get();
+            tracing::warn!(
+                "the computer stopped while the last run was running: up to {sync_s} s before that are missing in the log, and up to 64 scans more in the map"
+            );
+        }
         let count = settings.process.len();
         let mut supervisor = Self {
             settings,
@@ -191,6 +202,8 @@ impl<'a> Supervisor<'a> {
             map: None,
             watch: Watch::new(count),
             hook: Hook::new(&settings.supervisor.on_event, settings.name.as_str()),
+            service: ServiceManager::of_this_process(),
+            disk: options.state.as_ref().map(|_| DiskSync::new(&settings.out, Duration::from_secs_f64(settings.supervisor.sync_s.get()))),
         };
         supervisor.watch_the_guard();
         Ok(supervisor)
@@ -221,6 +234,8 @@ impl<'a> Supervisor<'a> {
             changed |= self.feed_at(Event::Tick, now)?;
             self.watch_the_guard();
             self.hook.advance(&self.domain);
+            self.disk.iter_mut().for_each(|disk| disk.advance(now));
+            self.service.report(&self.deployment);
         }
         self.take_summary(on_report)?;
         self.publish_status(true, on_report)
@@ -270,6 +285,9 @@ impl<'a> Supervisor<'a> {
         }
         result?;
         closed?;
+        if let Err(error) = self.state.note_end() {
+            tracing::debug!("{error}");
+        }
         Ok(outcome)
     }
 
@@ -389,6 +407,7 @@ impl<'a> Supervisor<'a> {
         tracing::warn!("/dev/shm is full: nothing is started until there is room");
         let timeout = Timespec { tv_sec: 0, tv_nsec: i64::from(LOOK_AT_MEMORY.subsec_nanos()) };
         while shared_memory_is_short() {
+            self.service.alive();
             let mut stop_asked = [PollFd::new(&self.stop_requests, PollFlags::IN)];
             match poll(&mut stop_asked, Some(&timeout)) {
                 Ok(0) | Err(rustix::io::Errno::INTR) => {}
@@ -520,6 +539,7 @@ impl<'a> Supervisor<'a> {
             if let Err(error) = self.state.note_time(self.clock.now_ns()) {
                 tracing::debug!("{error}");
             }
+            self.service.alive();
             // An observer is no child: nothing else shows that it was killed.
             if !self.removal.is_found() {
                 self.domain.remove_dead_nodes();
