@@ -116,6 +116,9 @@ fn a_failed_process_is_restarted_on_request() {
         assert_eq!(it.processes()[1].state(), &State::Failed, "round {round}");
         let actions = it.step(Event::RestartAsked { process: 1 }, ms(10_000));
         assert!(matches!(commands(&actions)[..], [Action::Spawn { process: 1, .. }]), "{actions:?}");
+        it.step(exited(1, Exit::Code(1)), ms(10_000));
+        assert!(matches!(it.processes()[1].state(), State::Backoff { .. }), "it has its whole budget again");
+        it.step(Event::Tick, ms(20_000));
     }
 }
 
