@@ -247,7 +247,7 @@ fn viewer_killed_at_any_moment_changes_nothing() {
 }
 
 /// An injector would keep the messages that it carries beyond the death of their sender.
-const WITHOUT_INJECTOR: [&str; 6] = ["recorder", "mapping", "fti", "std", "sbs", "playback"];
+const WITHOUT_INJECTOR: [&str; 7] = ["recorder", "mapping", "fti", "std", "localisation", "sbs", "playback"];
 
 /// As [`kill_one_after_the_other_in`] in a replay of the drive.
 #[track_caller]

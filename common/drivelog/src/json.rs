@@ -423,7 +423,7 @@ mod tests {
         let points =
             |count: usize| format!(r#"{{"seq":1,"first":0,"total":0,"trajectory":0,"points_m":[{}]}}"#, vec!["[1,2]"; count].join(","));
         assert_eq!(decode::<WayChunk>(points(256).as_bytes()).unwrap().1.count, 256);
-        let of = |entry: &str| format!(r#"{{"seq":1,"first":0,"total":0,"points_m":[{entry}]}}"#);
+        let of = |entry: &str| format!(r#"{{"seq":1,"first":0,"total":0,"trajectory":0,"points_m":[{entry}]}}"#);
         assert_eq!(decode::<WayChunk>(of(r#"{"y":2,"z":{},"x":1}"#).as_bytes()).unwrap().1.points_m[0], [1.0, 2.0]);
         check::<WayChunk>(&of(r#"{"y":2}"#), "missing field `x`");
         check::<WayChunk>(&of("7"), "invalid type: integer `7`, expected an object of x and y");
