@@ -44,8 +44,8 @@ pub struct Supervisor {
     pub backoff_last_s: LastBackoff,
     /// Time to stop in order. A process that takes longer is killed.
     pub stop_deadline_s: StopDeadline,
-    /// Time between two syncs of the disk, in a run that can be resumed. A power cut takes at most this time of the log, and this time
-    /// with the last 64 scans of the map.
+    /// Time between two syncs of the disk, in a run that can be resumed. A power cut takes at most this time of the log, with its last
+    /// flush.
     pub sync_s: SyncInterval,
     /// Program with its arguments that is started at each event: a process fails or restarts, messages are lost, the disk is nearly
     /// full. The environment has the event (docs/operations.md). Without it events are only logged.

@@ -1,7 +1,7 @@
 //! Brings to the disk what a power cut must not take: the checkpoints and the log, all at once.
 //!
-//! One call for the whole file system keeps the order of the writes: the pose of the robot is never older on the disk than the map
-//! (on ext4, XFS and btrfs). It runs in a thread, since a slow disk takes longer than a supervisor may be silent.
+//! One call for the whole file system keeps the order of the writes: the pose of the robot is not older on the disk than the map. What is
+//! replaced between two calls may be empty after a cut. It runs in a thread, since a slow disk takes longer than a supervisor may be silent.
 
 use rustix::fs::syncfs;
 use std::fs::File;
