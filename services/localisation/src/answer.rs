@@ -10,7 +10,8 @@ pub enum Status {
     Odometry,
     /// The robot's place follows from odometry and walls.
     Tracking,
-    /// The robot was moved by something other than its wheels. Its place in the map is not known until it is recognised.
+    /// The robot was moved by something other than its wheels. Its place in the map is not known until it is recognised. Localisation
+    /// does not detect this yet, and never answers it.
     Lost,
 }
 
