@@ -88,13 +88,14 @@ struct Tables {
 #[serde(default)]
 struct Robot {
     start_m: Option<IgnoredAny>,
-    way: Option<IgnoredAny>,
+    #[serde(rename = "way")]
+    path: Option<IgnoredAny>,
 }
 
 /// Whether this text describes a world. What is neither is refused as settings.
 fn is_world(text: &str) -> bool {
     let Ok(found) = document::parse::<Tables>("", text) else { return false };
-    let parts = [&found.wall, &found.furniture, &found.pillar, &found.walker, &found.robot.start_m, &found.robot.way];
+    let parts = [&found.wall, &found.furniture, &found.pillar, &found.walker, &found.robot.start_m, &found.robot.path];
     found.name.is_none() && found.process.is_none() && parts.into_iter().any(Option::is_some)
 }
 

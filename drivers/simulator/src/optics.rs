@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_camera_as_built_is_off_by_the_errors_in_the_seeds_directions() {
+    fn calibration_errors_have_the_directions_of_the_seed() {
         let nominal = Optics::default();
         assert_eq!(nominal.as_built(&CalibrationError::NONE, 5).height_m, nominal.height_m);
         for (seed, signs) in [(0, [1.0, 1.0, 1.0]), (1, [-1.0, 1.0, 1.0]), (2, [1.0, -1.0, 1.0]), (4, [1.0, 1.0, -1.0])] {
