@@ -36,6 +36,17 @@ class Layer:
     UNFILTERED = 1  # The map of every reading (the paper's Fig. 10 a).
 
 
+class Trajectory:
+    ROBOT = 0  # Where the robot was in the map.
+    ODOMETRY = 1  # Where the wheels counted it, in the odom frame. It is published where localisation runs.
+
+
+class EstimateStatus:
+    ODOMETRY = 0  # No wall was measured yet: the map frame is the odometry's.
+    TRACKING = 1  # It follows from odometry and walls.
+    LOST = 2  # Something other than its wheels moved the robot. Its place is unknown until it is recognised.
+
+
 class Phase:
     STARTING = 0  # It has joined the deployment and does not work yet.
     RUNNING = 1  # At work.
@@ -141,7 +152,7 @@ class SonarScan(ctypes.Structure):
     NUMBERED = True
     WAKES = True
     _fields_ = [
-        ("pose", Pose),  # Pose of the robot in the map frame, from odometry.
+        ("pose", Pose),  # Pose of the robot in the odom frame.
         ("readings", SonarReading * 16),  # The first `count` entries are readings, the rest is zero.
         ("count", ctypes.c_uint32),  # Number of readings.
         ("after_gap", ctypes.c_uint32),  # 0 when nothing was lost before this scan; 1 (`AFTER_LOSS`) when packets were lost and the pose is right all the same; 2 (`AFTER_DOUBT`) when the robot may have moved without the odometry knowing.
@@ -169,10 +180,10 @@ class Mover(ctypes.Structure):
     _fields_ = [
         ("robot_x_m", ctypes.c_double),  # Centroid in the robot frame, m.
         ("robot_y_m", ctypes.c_double),  # Centroid in the robot frame, m.
-        ("map_x_m", ctypes.c_double),  # Centroid in the map frame, m.
-        ("map_y_m", ctypes.c_double),  # Centroid in the map frame, m.
-        ("velocity_x_m_s", ctypes.c_double),  # Velocity of its track in the map frame, m/s.
-        ("velocity_y_m_s", ctypes.c_double),  # Velocity of its track in the map frame, m/s.
+        ("map_x_m", ctypes.c_double),  # Centroid in the odom frame, m.
+        ("map_y_m", ctypes.c_double),  # Centroid in the odom frame, m.
+        ("velocity_x_m_s", ctypes.c_double),  # Velocity of its track in the odom frame, m/s.
+        ("velocity_y_m_s", ctypes.c_double),  # Velocity of its track in the odom frame, m/s.
         ("cells", ctypes.c_uint32),  # Size in cells (`C_Size`).
         ("readings", ctypes.c_uint32),  # Bit i set: reading i of the scan belongs to it.
         ("track", ctypes.c_uint64),  # Identity of its track; 0 before it has one.
@@ -277,6 +288,81 @@ class FilterVerdict(ctypes.Structure):
 
 
 assert ctypes.sizeof(FilterVerdict) == 208
+
+
+class SmoothedPose(ctypes.Structure):
+    _fields_ = [
+        ("seq", ctypes.c_uint64),  # Number of the scan.
+        ("map_from_robot", Pose),  # The robot in the map frame when it sent the scan.
+        ("is_placed", ctypes.c_uint32),  # 1 when the pose is known; 0 while the robot is lost: the scan is left out of the map until a revision moves it.
+        ("reserved", ctypes.c_uint32),  # Always 0.
+    ]
+
+
+assert ctypes.sizeof(SmoothedPose) == 40
+
+
+class RobotEstimate(ctypes.Structure):
+    """Where the robot is in the map: the answer of localisation to the scan of the same number."""
+
+    SERVICE = "robot/estimate"
+    CONTRACT = "version 1 layout 57f62123749c86f7"
+    NUMBERED = True
+    WAKES = True
+    _fields_ = [
+        ("map_from_odom", Pose),  # The odometry frame in the map frame.
+        ("smoothed", SmoothedPose * 8),  # The scans whose poses leave the commit horizon, in ascending order; the first `count` are valid, the rest is zero.
+        ("distance_share", ctypes.c_double),  # Share by which the wheels count distances too long.
+        ("turn_share", ctypes.c_double),  # Share by which the wheels count turns too large.
+        ("curvature_rad_m", ctypes.c_double),  # Angle by which the wheels count a straight path as a left turn, rad/m.
+        ("pieces", ctypes.c_uint64),  # Number of the last piece on `trajectory/revision` that belongs to this estimate or to one before. A reader that integrates scans takes these pieces after this estimate and before the next.
+        ("count", ctypes.c_uint32),  # Number of poses in `smoothed`.
+        ("status", ctypes.c_uint32),  # `EstimateStatus` as a number.
+        ("walls", ctypes.c_uint32),  # Walls of which the estimate makes use.
+        ("closures", ctypes.c_uint32),  # Places that the robot recognised so far.
+    ]
+
+    @staticmethod
+    def type_name():
+        return "robot/estimate"
+
+
+assert ctypes.sizeof(RobotEstimate) == 392
+
+
+class MovedStretch(ctypes.Structure):
+    _fields_ = [
+        ("first", ctypes.c_uint64),  # Number of its first scan.
+        ("last", ctypes.c_uint64),  # Number of its last scan.
+        ("before", Pose),  # The robot at the first scan in the map frame, before the revision.
+        ("now", Pose),  # The robot at the first scan in the map frame from now on. Each later scan of the stretch keeps its pose relative to it.
+    ]
+
+
+assert ctypes.sizeof(MovedStretch) == 64
+
+
+class TrajectoryRevision(ctypes.Structure):
+    """Poses that localisation estimates otherwise than before, in pieces. With a scan there is at most one piece, so that the history of the stream reaches as far back as that of the scans."""
+
+    SERVICE = "trajectory/revision"
+    CONTRACT = "version 1 layout 4a14ccd7a9cfe12b"
+    NUMBERED = True
+    WAKES = True
+    _fields_ = [
+        ("moved", MovedStretch * 32),  # The stretches, in ascending order of their scans; the first `count` are valid, the rest is zero.
+        ("count", ctypes.c_uint32),  # Number of stretches in this piece.
+        ("revision", ctypes.c_uint32),  # Number of the revision, from 1.
+        ("is_last", ctypes.c_uint32),  # 1 for the last piece of the revision, otherwise 0. A revision counts once all of its pieces are there.
+        ("reserved", ctypes.c_uint32),  # Always 0.
+    ]
+
+    @staticmethod
+    def type_name():
+        return "trajectory/revision"
+
+
+assert ctypes.sizeof(TrajectoryRevision) == 2064
 
 
 class TrackedWalker(ctypes.Structure):
@@ -464,15 +550,15 @@ class WayChunk(ctypes.Structure):
     """A piece of the robot's trajectory. It has no history: mapping repeats all pieces slowly."""
 
     SERVICE = "map/way"
-    CONTRACT = "version 1 layout 39c86d0708337522"
+    CONTRACT = "version 2 layout d23d3cf7d787be2f"
     NUMBERED = False
     WAKES = True
     _fields_ = [
         ("first", ctypes.c_uint64),  # Index of the first position of this piece.
         ("total", ctypes.c_uint64),  # Positions of the whole trajectory so far.
-        ("points_m", (ctypes.c_float * 2) * 256),  # x and y of each position in the map frame, m; the first `count` are valid.
+        ("points_m", (ctypes.c_float * 2) * 256),  # x and y of each position, m; the first `count` are valid.
         ("count", ctypes.c_uint32),  # Number of positions in this piece.
-        ("reserved", ctypes.c_uint32),  # Always 0.
+        ("trajectory", ctypes.c_uint32),  # `Trajectory` as a number.
     ]
 
     @staticmethod

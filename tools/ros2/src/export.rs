@@ -120,7 +120,7 @@ impl Export<'_> {
         let stamp = Time::of_ns(time_ns);
         let sonars = self.sensors.sonars.iter().enumerate();
         let mut transforms: Vec<_> = sonars.map(|(sonar, mount)| transform(stamp, BASE, &sonar_frame(sonar), at(mount))).collect();
-        // Odometry is taken as exact: the frames are one.
+        // The correction by localisation is not exported: the frames are one.
         transforms.insert(0, transform(stamp, MAP, ODOM, at(&Pose::default())));
         transforms.push(transform(stamp, BASE, CAMERA, self.camera_mount()));
         self.bag.add("/tf_static", TF, time_ns, &encode(&TfMessage { transforms }))
