@@ -26,7 +26,7 @@ pub struct Recorder {
     pub flush_s: FlushInterval,
     /// Whether the pictures of the camera are recorded. In grey at 15 Hz they take 17 MB per minute at 160 × 120, 280 MB at 640 × 480.
     pub pictures: bool,
-    /// Space that the log may take. Old parts are removed; one is kept if a file of its name with `.keep` behind it is there. The default
+    /// Space that the log may take. Old parts are removed. One is kept if a file of its name with `.keep` behind it is there. The default
     /// is no limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_mb: Option<LogSpace>,
