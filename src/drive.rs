@@ -11,7 +11,7 @@ use messages::MapSummary;
 use settings::{BuiltIn, Name, Settings};
 use std::path::Path;
 use std::time::Instant;
-use supervisor::{Options, Outcome, Report};
+use supervisor::{Options, Outcome, OutputFolder, Report};
 
 /// Applies the output folder of the command line and creates it.
 pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> anyhow::Result<()> {
@@ -42,8 +42,14 @@ pub(crate) fn unique_name(what: &str) -> anyhow::Result<Name> {
 }
 
 /// Creates a folder for outputs.
-pub(crate) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+fn make_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).map_err(|error| BadInput(format!("{}: cannot create this folder: {error}", folder.display())).into())
+}
+
+/// Creates a folder for outputs and keeps other runs from writing into it.
+pub(crate) fn lock_folder(folder: &Path) -> anyhow::Result<OutputFolder> {
+    make_folder(folder)?;
+    Ok(OutputFolder::lock(folder)?)
 }
 
 /// Options for a run whose state is not resumed later.

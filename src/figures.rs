@@ -1,6 +1,6 @@
 //! `stillmap figures`: the figures of the paper, drawn by the code that runs in a deployment.
 
-use crate::drive::make_folder;
+use crate::drive::lock_folder;
 use crate::exit::BadInput;
 use crate::output;
 use clap::Args;
@@ -17,7 +17,7 @@ pub(crate) struct FiguresArgs {
 /// Draws every figure and writes it.
 pub(crate) fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
     let FiguresArgs { out } = args;
-    make_folder(out)?;
+    let _locked = lock_folder(out)?;
     for figure in ::figures::all() {
         let figure = figure?;
         let path = out.join(figure.name);

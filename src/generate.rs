@@ -1,7 +1,7 @@
 //! `stillmap completions` and `stillmap man`: files for shells and manuals, from the definition of the command line.
 
 use crate::cli::Cli;
-use crate::drive::make_folder;
+use crate::drive::lock_folder;
 use crate::output;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
@@ -33,7 +33,7 @@ pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<()> {
 
 /// Writes a page for the command and one for each subcommand.
 pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
-    make_folder(&args.out)?;
+    let _locked = lock_folder(&args.out)?;
     clap_mangen::generate_to(Cli::command(), &args.out)?;
     Ok(())
 }

@@ -40,7 +40,7 @@ fn a_second_deployment_with_the_same_output_folder_is_refused() {
     let out = sandbox.path("first-out");
     let second = sandbox.run(&DRIVE.replay(&sandbox, "second").set("out", &out), &[]).end();
     second.assert_code(1);
-    let expected = format!("{}: another deployment writes its log and its map there", out.display());
+    let expected = format!("{}: another run of stillmap writes into this folder", out.display());
     assert!(second.stderr.contains(&expected), "{}", second.stderr);
     assert!(!sandbox.runtime().join("second").exists(), "nothing is left of it");
     assert_eq!(first.end().map(), DRIVE.map);

@@ -8,6 +8,7 @@ mod report;
 mod sweep;
 mod table;
 
+use crate::drive::lock_folder;
 use crate::output;
 use camera::CameraArgs;
 use clap::{Args, Subcommand};
@@ -60,6 +61,7 @@ pub(crate) enum EvaluateCommand {
 /// Carries out an `evaluate` command.
 pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::Result<()> {
     let drives = &options.drives;
+    let _locked = drives.out.as_deref().map(lock_folder).transpose()?;
     let report = match (&options.command, &drives.run) {
         (Some(EvaluateCommand::Camera(options)), _) => return camera::camera(options, bars),
         (None, Some(run)) => {
@@ -87,6 +89,7 @@ pub(crate) fn evaluate(options: &EvaluateArgs, bars: &MultiProgress) -> anyhow::
 
 /// Scores the log of a drive that has ended and adds the walkers' paths to its comparison; the figures in a line.
 pub(crate) fn score_run(folder: &Path, log: &Path) -> anyhow::Result<String> {
+    let _locked = lock_folder(folder)?;
     let scored = recording::score(log, false)?;
     write_comparison(folder, &scored.trial)?;
     Ok(report::sentence(&scored.trial))

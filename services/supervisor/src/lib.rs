@@ -49,6 +49,7 @@ pub use kernel::check_kernel;
 pub use lifecycle::{Exit, Lifecycle, Plan, Role, State};
 pub use notices::CHILD_TARGET;
 pub use outcome::{EXIT_INCOMPLETE, Outcome, ProcessOutcome};
+pub use output_lock::OutputFolder;
 pub use policy::{Policy, Restarts};
 pub use program::{ProgramError, find_program};
 pub use requests::request_restart;

@@ -14,7 +14,7 @@ use crate::limits::raise_open_files;
 use crate::lines::Line;
 use crate::notices::SUPERVISOR;
 use crate::outcome::Outcome;
-use crate::output_lock::lock_output;
+use crate::output_lock::OutputFolder;
 use crate::patience::{KernelTime, LookClock};
 use crate::plan::{plans, policy};
 use crate::ports::Ports;
@@ -33,7 +33,6 @@ use rustix::process::Signal;
 use settings::{BuiltIn, Program, RoutedService, Settings};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{self, Read};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
@@ -84,7 +83,7 @@ struct Supervisor<'a> {
     /// Closed only while the domain is made anew.
     ports: Option<Ports>,
     /// No other deployment writes there meanwhile.
-    _out: File,
+    _out: OutputFolder,
     settings_path: PathBuf,
     clock: DeploymentClock,
     guard: Option<Guard>,
@@ -149,7 +148,7 @@ impl<'a> Supervisor<'a> {
         check_kernel()?;
         raise_open_files(settings.process.len())?;
         // Before anything that another deployment may be using is touched.
-        let out = lock_output(&settings.out).map_err(|error| already_running(settings, error))?;
+        let out = OutputFolder::lock(&settings.out).map_err(|error| already_running(settings, error))?;
         for (path, contents) in &options.files {
             std::fs::write(path, contents).map_err(|source| RunError::File { path: path.clone(), source })?;
         }

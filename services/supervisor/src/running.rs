@@ -48,8 +48,8 @@ pub enum RunError {
         /// The reason.
         source: io::Error,
     },
-    /// Another deployment holds the folder for outputs.
-    #[error("{out}: another deployment writes its log and its map there")]
+    /// Another command holds the folder for outputs.
+    #[error("{out}: another run of stillmap writes into this folder")]
     OutputTaken {
         /// The folder.
         out: PathBuf,

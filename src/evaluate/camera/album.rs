@@ -1,6 +1,6 @@
 //! Pictures of frame, mask and truth side by side, and a log of the three for Foxglove.
 
-use crate::drive::make_folder;
+use crate::drive::lock_folder;
 use anyhow::{Context, Result};
 use foxglove::Encode;
 use foxglove::messages::{RawImage, Timestamp};
@@ -10,7 +10,8 @@ use sbs::plane::Plane;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use supervisor::OutputFolder;
 
 /// Topics of the log, in the order of the pictures.
 const TOPICS: [&str; 3] = ["camera/frame", "camera/mask", "camera/truth"];
@@ -22,7 +23,7 @@ const GAP_SHADE: u8 = 128;
 
 /// A folder of pictures and a log.
 pub(super) struct Album {
-    folder: PathBuf,
+    folder: OutputFolder,
     log: mcap::Writer<BufWriter<File>>,
     channels: [u16; 3],
 }
@@ -30,8 +31,8 @@ pub(super) struct Album {
 impl Album {
     /// Creates the folder, if it is missing, and an empty log in it.
     pub(super) fn new(folder: &Path) -> Result<Self> {
-        make_folder(folder)?;
-        let path = folder.join(LOG);
+        let folder = lock_folder(folder)?;
+        let path = folder.path().join(LOG);
         let file = File::create(&path).with_context(|| format!("{}: cannot be written", path.display()))?;
         let mut log = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4)).create(BufWriter::new(file))?;
         let schema = match RawImage::get_schema() {
@@ -42,7 +43,7 @@ impl Album {
         for (channel, topic) in channels.iter_mut().zip(TOPICS) {
             *channel = log.add_channel(schema, topic, &RawImage::get_message_encoding(), &BTreeMap::new())?;
         }
-        Ok(Self { folder: folder.to_owned(), log, channels })
+        Ok(Self { folder, log, channels })
     }
 
     /// Adds a frame, its mask and its truth, all of one size.
@@ -53,13 +54,13 @@ impl Album {
             raw_image(picture, stamp_ns).encode(&mut message)?;
             self.log.write_to_known_channel(&header, &message)?;
         }
-        let path = self.folder.join(format!("frame_{number:05}.png"));
+        let path = self.folder.path().join(format!("frame_{number:05}.png"));
         side_by_side(pictures).save(&path).with_context(|| format!("{}: cannot be written", path.display()))
     }
 
     /// Ends the log with its index.
     pub(super) fn finish(mut self) -> Result<()> {
-        self.log.finish().map(|_| ()).with_context(|| format!("{}: cannot be written", self.folder.join(LOG).display()))
+        self.log.finish().map(|_| ()).with_context(|| format!("{}: cannot be written", self.folder.path().join(LOG).display()))
     }
 }
 
