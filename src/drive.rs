@@ -75,7 +75,7 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     let outcome = result?;
     print(&summary(settings, &outcome, &shortfall, started.elapsed().as_secs_f64()));
     Ok(match outcome.exit_code() {
-        exit::SUCCESS if shortfall.loses_data() => exit::INCOMPLETE,
+        exit::SUCCESS if shortfall.is_incomplete() => exit::INCOMPLETE,
         code => code,
     })
 }

@@ -5,7 +5,7 @@
 //! | 0 | [`SUCCESS`] | Everything that was asked for is done. A run ended by itself, or stopped in order when it was asked to. |
 //! | 1 | [`FAILURE`] | stillmap itself failed, or a deployment did not answer. |
 //! | 2 | [`BAD_INPUT`] | An argument, or a file that it names, is invalid; `check`: a program or device that the settings name is missing. |
-//! | 3 | [`INCOMPLETE`] | `run`, `demo`, `replay`, `status`: a process failed for good or had to be killed. `run`, `demo`: messages were not recorded, or a part of the log was removed, moved or truncated. `replay`: a part of the log is missing. `log info`: the log is damaged, or parts, scans or pictures of it are missing. `doctor`: a run is not possible. |
+//! | 3 | [`INCOMPLETE`] | `run`, `demo`, `replay`, `status`: a process failed for good or had to be killed. `run`, `demo`, `replay`, `map`: the map is too large for one picture, and a part of it is not drawn. `run`, `demo`: messages were not recorded, or a part of the log was removed, moved or truncated. `replay`: a part of the log is missing. `log info`: the log is damaged, or parts, scans or pictures of it are missing. `doctor`: a run is not possible. |
 //! | 4 | [`NOT_RUNNING`] | No deployment is running, or none of the given name. |
 //! | 70 | [`BROKEN_DOMAIN`] | The shared memory of the deployment is damaged. The supervisor creates it anew on this code. |
 //! | 130 | | The second request to stop killed every process. |
@@ -33,7 +33,7 @@ Exit codes:
     0  Everything that was asked for is done.
     1  stillmap itself failed, or a deployment did not answer.
     2  An argument, or a file that it names, is invalid.
-    3  A process failed for good or had to be killed, a log is incomplete,
+    3  A process failed for good or had to be killed, a map or log is incomplete,
        or `doctor` found a fault.
     4  No deployment is running, or none of the given name.
    70  The shared memory of the deployment is damaged.

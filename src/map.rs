@@ -1,11 +1,12 @@
 //! `stillmap map`: the current map of a running deployment.
 
 use crate::args::Which;
-use crate::output;
+use crate::drive::lock_folder;
 use crate::running::choose;
+use crate::{exit, output};
 use bus::{Reader, Received, RunningDomain};
 use clap::Args;
-use mapping::export::MapCopy;
+use mapping::export::{MapCopy, MapFiles};
 use messages::{MapTile, Payload, WayChunk};
 use runtime::Observer;
 use std::path::PathBuf;
@@ -24,14 +25,18 @@ pub(crate) struct MapArgs {
 /// How long to wait for the next piece of the map.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Collects the map that mapping publishes to new readers, and writes it.
-pub(crate) fn map(args: &MapArgs) -> anyhow::Result<()> {
+/// Collects the map that mapping publishes to new readers, and writes it; the exit code.
+pub(crate) fn map(args: &MapArgs) -> anyhow::Result<u8> {
     let domain = choose(&args.which)?;
-    let copy = collect(&domain)?;
-    for path in mapping::write_files(&args.out, &copy.files()?)? {
+    let out = lock_folder(&args.out)?;
+    let MapFiles { files, left_out } = collect(&domain)?.files()?;
+    for path in mapping::write_files(out.path(), &files)? {
         output::line(&path.display().to_string())?;
     }
-    Ok(())
+    for lack in &left_out {
+        tracing::warn!("{lack}");
+    }
+    Ok(if left_out.is_empty() { exit::SUCCESS } else { exit::INCOMPLETE })
 }
 
 fn collect(domain: &RunningDomain) -> anyhow::Result<MapCopy> {

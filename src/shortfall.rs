@@ -1,6 +1,6 @@
 //! What the result of a run lacks, by the counters of its processes.
 
-use crate::process::mapping::DOUBTFUL_POSES;
+use crate::process::mapping::{CELLS_LEFT_OUT, DOUBTFUL_POSES};
 use crate::process::playback::{FRAMES_MISSING, PARTS_MISSING, SCANS_MISSING};
 use crate::process::recorder::{NOT_RECORDED, PARTS_LOST};
 use crate::process::sbs::{FRAMES_ANSWERED, FRAMES_SKIPPED, are_many};
@@ -12,6 +12,7 @@ use messages::DeploymentStatus;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Shortfall {
     doubtful_poses: u64,
+    cells_left_out: u64,
     not_recorded: u64,
     parts_lost: u64,
     parts_missing: u64,
@@ -27,6 +28,7 @@ impl Shortfall {
     pub(crate) fn note(&mut self, status: &DeploymentStatus) {
         let counts = [
             (&mut self.doubtful_poses, DOUBTFUL_POSES),
+            (&mut self.cells_left_out, CELLS_LEFT_OUT),
             (&mut self.parts_missing, PARTS_MISSING),
             (&mut self.scans_missing, SCANS_MISSING),
             (&mut self.frames_missing, FRAMES_MISSING),
@@ -43,9 +45,9 @@ impl Shortfall {
         }
     }
 
-    /// Whether recorded data were lost, in this run or in the one that it replays.
-    pub(crate) fn loses_data(&self) -> bool {
-        [self.not_recorded, self.parts_lost, self.parts_missing].iter().any(|count| *count > 0)
+    /// Whether the map lacks a part, or recorded data were lost, in this run or in the one that it replays.
+    pub(crate) fn is_incomplete(&self) -> bool {
+        [self.cells_left_out, self.not_recorded, self.parts_lost, self.parts_missing].iter().any(|count| *count > 0)
     }
 
     /// Lines for the summary of the run.
@@ -61,7 +63,9 @@ impl Shortfall {
         let replayed =
             [counted(self.parts_missing, "part", ""), counted(self.scans_missing, "scan", ""), counted(self.frames_missing, "frame", "")];
         let doubtful = counted(self.doubtful_poses, "gap", ": the map may be shifted from there on");
+        let left_out = counted(self.cells_left_out, "known cell", " too far from the rest for one picture");
         [
+            line(&[left_out], "map        INCOMPLETE: "),
             line(&recorded, "log        INCOMPLETE: "),
             line(&replayed, "replay     INCOMPLETE, the log lacks "),
             line(&[doubtful], "poses      DOUBTFUL after "),
@@ -98,12 +102,15 @@ mod tests {
         assert_eq!(Shortfall::default().lines(), [""; 0]);
         let recorded = Shortfall { not_recorded: 1, parts_lost: 2, ..Shortfall::default() };
         assert_eq!(recorded.lines(), ["log        INCOMPLETE: 1 message not recorded, 2 parts removed or truncated"]);
-        assert!(recorded.loses_data());
+        assert!(recorded.is_incomplete());
+        let cut = Shortfall { cells_left_out: 12, ..Shortfall::default() };
+        assert_eq!(cut.lines(), ["map        INCOMPLETE: 12 known cells too far from the rest for one picture"]);
+        assert!(cut.is_incomplete());
         let replayed = Shortfall { scans_missing: 80, doubtful_poses: 1, ..Shortfall::default() };
         let lines =
             ["replay     INCOMPLETE, the log lacks 80 scans", "poses      DOUBTFUL after 1 gap: the map may be shifted from there on"];
         assert_eq!(replayed.lines(), lines);
-        assert!(!replayed.loses_data(), "faults on purpose drop scans, too");
+        assert!(!replayed.is_incomplete(), "faults on purpose drop scans, too");
     }
 
     #[test]

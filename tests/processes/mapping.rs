@@ -8,7 +8,7 @@ use std::time::Duration;
 use bus::{Domain, Reader, Received, Writer};
 use mapping::export::MapCopy;
 use mapping::{Input, Mapper, Parameters};
-use messages::{Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
+use messages::{Heartbeat, Layer, MapSummary, MapTile, Pose, Progress, SonarReading, SonarScan, WayChunk};
 use runtime::Shell;
 
 const SCANS: u64 = 400;
@@ -121,8 +121,12 @@ impl Bench {
     /// Ends the scans, once all readers are connected to the process: messages of a process that has exited do not reach later readers.
     fn end(&mut self) {
         self.wait_until_answered(SCANS);
+        self.end_at(SCANS, SCANS * 100_000_000);
+    }
+
+    fn end_at(&mut self, seq: u64, stamp_ns: u64) {
         self.look();
-        self.scans.end(SCANS, SCANS * 100_000_000).unwrap();
+        self.scans.end(seq, stamp_ns).unwrap();
     }
 
     /// Takes the messages that have arrived.
@@ -180,12 +184,43 @@ fn mapping_publishes_and_writes_the_map_of_its_fold() {
     fold.shown_tiles(Layer::Filtered).for_each(|tile| expected.take_tile(&tile));
     expected.set_way(fold.way_m());
     assert!(received.is_whole());
-    let files = expected.files().unwrap();
-    assert!(received.files().unwrap() == files);
+    let files = expected.files().unwrap().files;
+    assert!(received.files().unwrap().files == files);
     assert_eq!(files.iter().map(|file| file.name).collect::<Vec<_>>(), ["map.pgm", "map.yaml", "map.png"]);
     for file in files {
         assert!(std::fs::read(bench.folder.path().join("out").join(file.name)).unwrap() == file.contents, "{}", file.name);
     }
+    bench.close();
+}
+
+#[test]
+fn a_part_far_away_is_left_out_of_the_files_and_counted() {
+    let mut bench = Bench::new("far");
+    let mut heartbeats = bench.watcher.reader::<Heartbeat>().unwrap();
+    bench.start(0);
+    bench.send(1..=SCANS);
+    // An hour later the robot may be anywhere.
+    let (stamp_ns, (_, last)) = (SCANS * 100_000_000 + 3_600_000_000_000, scan(SCANS));
+    let far = Pose { x_m: 600.0, y_m: 600.0, yaw_rad: 0.0 };
+    bench.scans.send(SCANS + 1, stamp_ns, &SonarScan::new(far, &last.readings[..1], false)).unwrap();
+    bench.wait_until_answered(SCANS + 1);
+    // Connects to the process, so that its last heartbeat arrives.
+    assert!(heartbeats.take().unwrap().is_some());
+    bench.end_at(SCANS + 1, stamp_ns);
+    assert_eq!(bench.receive_all().scans, SCANS + 1);
+
+    let written = std::fs::read(bench.folder.path().join("out/map.pgm")).unwrap();
+    let mut near = MapCopy::default();
+    fold().shown_tiles(Layer::Filtered).for_each(|tile| near.take_tile(&tile));
+    assert!(written == near.files().unwrap().files[0].contents);
+    let mut left_out = None;
+    while let Some(received) = heartbeats.take().unwrap() {
+        if let Received::Message(heartbeat) = received {
+            let counter = heartbeat.counters.iter().find(|counter| counter.name.as_str() == "cells left out");
+            left_out = counter.map(|counter| counter.value);
+        }
+    }
+    assert_eq!(left_out, Some(bench.copy.files().unwrap().left_out[0].cells));
     bench.close();
 }
 

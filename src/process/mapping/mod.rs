@@ -12,7 +12,7 @@ use messages::{FilterVerdict, Layer, MapSummary, MapTile, Payload, Service, Sona
 use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Pace, Settings};
 
-use ::mapping::export::MapCopy;
+use ::mapping::export::{MapCopy, MapFiles};
 use ::mapping::{Input, Mapper, ParametersError, Refused, write_files};
 
 use estimates::Estimates;
@@ -35,6 +35,8 @@ const WRITING_POLL: Duration = Duration::from_millis(10);
 
 /// The counter of scans from which on poses may be off against the map before.
 pub(crate) const DOUBTFUL_POSES: &str = "doubtful poses";
+/// The counter of known cells that the pictures of the map lack.
+pub(crate) const CELLS_LEFT_OUT: &str = "cells left out";
 
 /// An error that ends mapping.
 #[derive(Debug, thiserror::Error)]
@@ -90,12 +92,13 @@ struct Mapping {
     doubtful: u64,
     doubts: Episode,
     writing: Option<JoinHandle<Result<Written, StepError>>>,
+    written: Option<Written>,
 }
 
 /// The finished map.
 struct Written {
     summary: MapSummary,
-    files: Vec<PathBuf>,
+    cells_left_out: u64,
 }
 
 impl Fold for Mapping {
@@ -149,19 +152,20 @@ impl Fold for Mapping {
         Ok(())
     }
 
-    /// Has the files written beside the work loop, and publishes that the map is finished.
+    /// Has the files written beside the work loop. In the round after that it publishes that the map is finished: the heartbeat
+    /// then counts what the files lack.
     fn finish(&mut self, _: &Context<'_>) -> Result<Next, StepError> {
-        let Some(writing) = self.writing.take_if(|writing| writing.is_finished()) else {
-            let (mapper, out) = (&self.mapper, &self.out);
-            self.writing.get_or_insert_with(|| begin_writing(mapper.clone(), out.clone()));
-            return Ok(Next::WaitAtMost(WRITING_POLL));
+        let Some(written) = &self.written else {
+            let Some(writing) = self.writing.take_if(|writing| writing.is_finished()) else {
+                let (mapper, out) = (&self.mapper, &self.out);
+                self.writing.get_or_insert_with(|| begin_writing(mapper.clone(), out.clone()));
+                return Ok(Next::WaitAtMost(WRITING_POLL));
+            };
+            self.written = Some(writing.join().map_err(|_| "the thread that writes the map has panicked")??);
+            return Ok(Next::Again);
         };
-        let Written { summary, files } = writing.join().map_err(|_| "the thread that writes the map has panicked")??;
-        for path in files {
-            tracing::info!("wrote {}", path.display());
-        }
         let StreamCursor { seq, stamp_ns } = self.mapper.last_scan();
-        self.summary.send(seq, stamp_ns, &summary)?;
+        self.summary.send(seq, stamp_ns, &written.summary)?;
         self.summary.end(seq, stamp_ns)?;
         self.tiles.end(seq, stamp_ns)?;
         self.path.end(seq, stamp_ns)?;
@@ -177,6 +181,7 @@ impl Fold for Mapping {
         context.count("scans pending", self.mapper.pending_scans() as u64);
         context.count("inputs refused", self.refused);
         context.count(DOUBTFUL_POSES, self.doubtful);
+        context.count(CELLS_LEFT_OUT, self.written.as_ref().map_or(0, |written| written.cells_left_out));
         if self.estimates.is_some() {
             context.count("scans without a smoothed pose", counts.unsmoothed);
         }
@@ -221,6 +226,7 @@ impl Mapping {
             doubtful: 0,
             doubts: Episode::default(),
             writing: None,
+            written: None,
             mapper,
         })
     }
@@ -323,7 +329,14 @@ fn begin_writing(mapper: Mapper, out: PathBuf) -> JoinHandle<Result<Written, Ste
     std::thread::spawn(move || {
         let (summary, copy) = (mapper.summary(), MapCopy::of(&mapper));
         drop(mapper);
-        Ok(Written { summary, files: write_files(&out, &copy.files()?)? })
+        let MapFiles { files, left_out } = copy.files()?;
+        for path in write_files(&out, &files)? {
+            tracing::info!("wrote {}", path.display());
+        }
+        for lack in &left_out {
+            tracing::warn!("{lack}");
+        }
+        Ok(Written { summary, cells_left_out: left_out.iter().map(|lack| lack.cells).sum() })
     })
 }
 

@@ -3,12 +3,13 @@
 mod canvas;
 mod comparison;
 mod copy;
+mod extent;
 mod font;
 mod picture;
 mod rectangle;
 mod ros;
 
-pub use copy::MapCopy;
+pub use copy::{LeftOut, MapCopy, MapFiles};
 pub use rectangle::RectangleError;
 
 /// A map that cannot be made into files.
