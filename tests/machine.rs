@@ -10,9 +10,10 @@ use rustix::event::{Timespec, poll};
 use rustix::process::Signal;
 use seccompiler::{BpfProgram, SeccompAction, SeccompFilter};
 
+use crate::harness::observer::Observer;
 use crate::harness::processes::{built_in_children, kill, resume, signal, stop};
 use crate::harness::replay::DRIVE;
-use crate::harness::{Deployment, Sandbox, is_running, text};
+use crate::harness::{Deployment, Sandbox, WATCHDOG, is_running, text};
 
 /// How long a process of this deployment may be silent: longer than a busy machine keeps it from its work.
 const SILENCE_S: i64 = 4;
@@ -23,12 +24,23 @@ fn a_deployment_that_was_stopped_blames_no_process() {
     let live = DRIVE.replay(&sandbox, "frozen").set("pace", "live").set("supervisor.heartbeat_timeout_s", SILENCE_S);
     let mut run = sandbox.run(&live, &["--speed", "2"]);
     run.wait_for_line("playback   is up");
-    let all: Vec<u32> = std::iter::once(run.pid()).chain(built_in_children(run.pid()).into_values()).collect();
-    all.iter().for_each(|pid| stop(*pid));
+    let mut observer = Observer::join(sandbox.runtime(), Some("frozen")).unwrap();
+    let mut look = |after_ms: u64| loop {
+        if let Some(status) = observer.take(WATCHDOG).into_iter().find(|status| status.uptime_ms >= after_ms) {
+            return status;
+        }
+    };
+    let uptime_ms = look(0).uptime_ms;
+    let processes: Vec<u32> = built_in_children(run.pid()).into_values().collect();
+    std::iter::once(run.pid()).chain(processes.iter().copied()).for_each(stop);
     // The passing of time is what is tested.
     let silence = Timespec { tv_sec: SILENCE_S + 1, tv_nsec: 0 };
     poll(&mut [], Some(&silence)).unwrap();
-    all.iter().for_each(|pid| resume(*pid));
+    // The supervisor judges before any process can give a sign of life.
+    resume(run.pid());
+    let judged = look(uptime_ms + 1000 * SILENCE_S as u64);
+    processes.iter().for_each(|pid| resume(*pid));
+    assert!(judged.processes().iter().all(|it| it.restarts == 0 && it.pid != 0), "{judged:?}");
     run.wait_for_line("no process is blamed for that time");
     let ended = run.end();
     ended.assert_code(0);
@@ -81,6 +93,22 @@ fn a_kernel_without_process_descriptors_is_named() {
     sandbox.assert_nothing_left();
 }
 
+/// The number of `flock`.
+const FLOCK: i64 = if cfg!(target_arch = "x86_64") { 73 } else { 32 };
+
+#[test]
+fn a_file_system_without_locks_is_named() {
+    let sandbox = Sandbox::new();
+    let log = DRIVE.log(&sandbox);
+    let unsupported = rustix::io::Errno::OPNOTSUPP.raw_os_error();
+    let said = last_error_line(&without(&[FLOCK], unsupported, &sandbox, &["replay", log.to_str().unwrap()]));
+    assert!(said.contains("cannot be locked: ") && said.ends_with("to a folder of a file system with locks"), "{said}");
+    // The file that could not be locked may be another's.
+    let left: Vec<_> = fs::read_dir(sandbox.runtime()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert!(left.iter().all(|file| file.extension().is_some_and(|extension| extension == "lock")), "{left:?}");
+    left.iter().for_each(|file| fs::remove_file(file).unwrap());
+}
+
 /// The last line of a command that fails after it has announced what it does.
 #[track_caller]
 fn last_error_line(output: &Output) -> String {
@@ -114,7 +142,7 @@ fn a_second_deployment_leaves_the_state_of_the_first() {
     for arguments in [&[][..], &["--fresh"]] {
         let second = sandbox.run(&deployment("second"), arguments).end();
         second.assert_code(1);
-        assert!(second.stderr.contains("another deployment writes its log and its map there"), "{}", second.stderr);
+        assert!(second.stderr.contains("another run of stillmap writes into this folder"), "{}", second.stderr);
         assert_eq!(outputs(), before);
     }
     let again = sandbox.run(&deployment("first"), &[]).end();
