@@ -108,9 +108,30 @@ pub(crate) struct Stream {
     account: Rc<RefCell<Account>>,
     refusals: Refusals,
     last_stamp_ns: u64,
+    skips: Skips,
     /// What was sent before the first message that comes is not missed.
     joins: bool,
     ended: bool,
+}
+
+/// Messages that the sender has left out since the last one that was handed out.
+#[derive(Default)]
+struct Skips {
+    count: u64,
+    last: u64,
+}
+
+impl Skips {
+    /// Takes note that the sender has left out this message; only once when it says so again.
+    fn note(&mut self, seq: u64) {
+        self.count += u64::from(seq > self.last);
+        self.last = self.last.max(seq);
+    }
+
+    /// How many of `missing` messages were lost, where the others were left out.
+    fn lost_of(&mut self, missing: u64) -> u64 {
+        missing.saturating_sub(std::mem::take(&mut self.count))
+    }
 }
 
 /// How far a reader is, for the shell of its process.
@@ -145,6 +166,7 @@ impl Stream {
             account: Rc::new(RefCell::new(Account { counters, handed_out: 0, passed: 0 })),
             refusals: Refusals::new(service.name),
             last_stamp_ns: 0,
+            skips: Skips::default(),
             joins: false,
             ended: false,
         }
@@ -205,9 +227,9 @@ impl Stream {
                 Some(format!("its stamp {} ns is before {} ns", header.stamp_ns, self.last_stamp_ns))
             } else {
                 match kind {
-                    None => Some(format!("its kind is {}, expected 0, 1 or 2", header.kind)),
+                    None => Some(format!("its kind is {}, expected 0 to 3", header.kind)),
                     Some(Kind::Data) => validate().err().map(|invalid| invalid.to_string()),
-                    Some(Kind::End | Kind::Gap) => None,
+                    Some(Kind::End | Kind::Gap | Kind::Skipped) => None,
                 }
             };
         if let Some(problem) = problem {
@@ -221,12 +243,18 @@ impl Stream {
         if kind == Some(Kind::Gap) {
             return Admission::Dropped;
         }
+        if kind == Some(Kind::Skipped) {
+            if header.seq > account.handed_out {
+                self.skips.note(header.seq);
+            }
+            return Admission::Dropped;
+        }
         if kind == Some(Kind::End) {
             if self.ended {
                 return Admission::Dropped;
             }
             self.ended = true;
-            account.counters.lost += header.seq.saturating_sub(account.handed_out);
+            account.counters.lost += self.skips.lost_of(header.seq.saturating_sub(account.handed_out));
             account.handed_out = account.handed_out.max(header.seq);
             return Admission::End { seq: header.seq };
         }
@@ -245,7 +273,8 @@ impl Stream {
                 return Admission::Dropped;
             }
             let is_first = account.handed_out == 0;
-            lost_before = if self.joins && is_first { 0 } else { header.seq - account.handed_out - 1 };
+            let lost = self.skips.lost_of(header.seq - account.handed_out - 1);
+            lost_before = if self.joins && is_first { 0 } else { lost };
             account.handed_out = header.seq;
             self.last_stamp_ns = header.stamp_ns;
         }
@@ -353,6 +382,28 @@ mod tests {
             })
         };
         assert_eq!((lost(true), lost(false)), ([Some(0), Some(1)], [Some(39), Some(1)]));
+    }
+
+    #[test]
+    fn what_the_sender_left_out_is_not_lost() {
+        let mut stream = stream();
+        let mut lost_before = |kind, seq| match stream.admit(&header(kind, seq, seq), || CHECKSUM, || Ok(())) {
+            Admission::Message { lost_before } => Some(lost_before),
+            _ => None,
+        };
+        assert_eq!(lost_before(Kind::Data, 1), Some(0));
+        for seq in [2, 3, 3, 1] {
+            assert_eq!(lost_before(Kind::Skipped, seq), None);
+        }
+        // 4 was lost.
+        assert_eq!(lost_before(Kind::Data, 5), Some(1));
+        assert_eq!(lost_before(Kind::Skipped, 6), None);
+        assert_eq!(lost_before(Kind::Data, 7), Some(0));
+        assert_eq!(lost_before(Kind::Skipped, 8), None);
+        // 9 was lost, the last one.
+        assert_eq!(lost_before(Kind::End, 9), None);
+        let (lost, passed) = (stream.account().borrow().counters.lost, stream.passed());
+        assert_eq!((lost, passed), (2, 9));
     }
 
     #[test]

@@ -59,6 +59,14 @@ impl<T: Payload> Writer<T> {
         self.transmit(seq, stamp_ns, Kind::Data, fill)
     }
 
+    /// Says that message `seq` does not come because a newer one waited: readers do not count it as lost.
+    ///
+    /// # Errors
+    /// When no memory can be loaned or a reader cannot be reached.
+    pub fn skip(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
+        self.transmit(seq, stamp_ns, Kind::Skipped, |_| ())
+    }
+
     /// Says that the stream ends after `seq`.
     ///
     /// # Errors

@@ -61,7 +61,7 @@ numbered! {
     /// use stillmap_messages::Kind;
     ///
     /// assert_eq!(Kind::from_number(1), Some(Kind::End));
-    /// assert_eq!(Kind::from_number(3), None);
+    /// assert_eq!(Kind::from_number(4), None);
     /// ```
     pub enum Kind {
         /// A payload.
@@ -70,5 +70,7 @@ numbered! {
         End = 1,
         /// Message `seq` was dropped on purpose: a consumer in lockstep does not wait for it. The payload is all zero.
         Gap = 2,
+        /// The sender left message `seq` out because a newer one waited: readers do not count it as lost. The payload is all zero.
+        Skipped = 3,
     }
 }

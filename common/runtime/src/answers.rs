@@ -44,6 +44,14 @@ impl<T: Payload> Answers<T> {
         self.writer.send(at.seq, at.stamp_ns, answer)
     }
 
+    /// Publishes that the message at `at` has no answer because a newer one waited.
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn skip(&mut self, at: StreamCursor) -> Result<(), BusError> {
+        self.writer.skip(at.seq, at.stamp_ns)
+    }
+
     /// Publishes the end of the stream.
     ///
     /// # Errors
