@@ -89,6 +89,12 @@ pub trait Fold {
         self.received().seq
     }
 
+    /// Whether the state is to be saved now although the source does not ask for it: where another input is so frequent that its history
+    /// does not reach back to the last checkpoint.
+    fn must_save(&self) -> bool {
+        false
+    }
+
     /// Whether no input can come that the state still depends on.
     fn is_complete(&self) -> bool;
 
@@ -166,7 +172,8 @@ impl<F: Fold> Folding<'_, F> {
                 return Ok(false);
             }
             self.taken = Some(Instant::now());
-            if self.fold.received().seq >= self.checkpointed + Self::INTERVAL || self.checkpoint.is_missing() {
+            let is_due = self.fold.received().seq >= self.checkpointed + Self::INTERVAL || self.fold.must_save();
+            if is_due || self.checkpoint.is_missing() {
                 self.save()?;
             }
             if context.round_is_over() {

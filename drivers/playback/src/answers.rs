@@ -9,6 +9,10 @@ pub struct Consumer {
     pub ends_itself: bool,
     /// How many other consumers stand before it: it waits for their answers.
     pub depth: u8,
+    /// The service on which it reports its progress.
+    pub reports_on: &'static str,
+    /// So many messages more than the window it may be behind.
+    pub slack: u64,
 }
 
 /// A consumer that playback waits for.
@@ -42,10 +46,11 @@ impl Answers {
         Self { consumers: consumers.into_iter().map(|consumer| State { consumer, answered: None }).collect() }
     }
 
-    /// A process has answered every message up to `seq`. A restarted process may report less than before: what it lacks is in the
+    /// A process has answered every message of a service up to `seq`. A restarted process may report less than before: what it lacks is in the
     /// history of the stream.
-    pub fn answered(&mut self, process: &str, seq: u64) {
-        for state in self.consumers.iter_mut().filter(|state| state.consumer.name == process) {
+    pub fn answered(&mut self, process: &str, service: &str, seq: u64) {
+        let reports = |consumer: &Consumer| consumer.name == process && consumer.reports_on == service;
+        for state in self.consumers.iter_mut().filter(|state| reports(&state.consumer)) {
             state.answered = state.answered.max(Some(seq));
         }
     }
@@ -55,18 +60,19 @@ impl Answers {
         self.consumers.retain(|state| state.consumer.name != process);
     }
 
-    /// The last message that every consumer has answered, where those without a report count as having answered `assumed`; `None`
+    /// The last message that every consumer has answered, or may answer later by its slack, where those without a report count as having answered `assumed`; `None`
     /// without a consumer.
     #[must_use]
     pub fn floor(&self, assumed: u64) -> Option<u64> {
-        self.consumers.iter().map(|state| state.answered.unwrap_or(assumed)).min()
+        self.consumers.iter().map(|state| state.answered.unwrap_or(assumed).saturating_add(state.consumer.slack)).min()
     }
 
     /// The consumer that keeps the others waiting: of those that have not answered the message `last`, the one with the fewest before
     /// it, and of these the slowest.
     #[must_use]
     pub fn behind(&self, last: u64) -> Option<Behind<'_>> {
-        let behind = self.consumers.iter().filter(|state| state.answered < Some(last));
+        let with_slack = |state: &State| state.answered.map(|seq| seq.saturating_add(state.consumer.slack));
+        let behind = self.consumers.iter().filter(|state| with_slack(state) < Some(last));
         behind
             .map(|State { consumer, answered }| Behind {
                 depth: consumer.depth,
@@ -93,47 +99,65 @@ impl Answers {
 mod tests {
     use super::*;
 
+    const SCANS: &str = "robot/scan";
+
+    fn consumer(name: &str, ends_itself: bool, depth: u8) -> Consumer {
+        Consumer { name: name.to_owned(), ends_itself, depth, reports_on: SCANS, slack: 0 }
+    }
+
     fn answers() -> Answers {
-        let consumer = |name: &str, ends_itself| Consumer { name: name.to_owned(), ends_itself, depth: u8::from(ends_itself) };
-        Answers::new([consumer("recorder", false), consumer("mapping", true)])
+        Answers::new([consumer("recorder", false, 0), consumer("mapping", true, 1)])
     }
 
     #[test]
     fn the_slowest_consumer_decides() {
         let mut answers = answers();
         assert_eq!((answers.floor(0), answers.floor(5), answers.lack_one()), (Some(0), Some(5), true));
-        answers.answered("recorder", 0);
+        answers.answered("recorder", SCANS, 0);
         assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), true));
-        answers.answered("mapping", 9);
+        answers.answered("mapping", SCANS, 9);
         assert_eq!((answers.floor(5), answers.lack_one()), (Some(0), false));
-        answers.answered("recorder", 7);
-        answers.answered("unknown", 1);
+        answers.answered("recorder", SCANS, 7);
+        answers.answered("unknown", SCANS, 1);
         assert_eq!(answers.floor(0), Some(7));
-        answers.answered("mapping", 3);
+        answers.answered("mapping", SCANS, 3);
         assert_eq!(answers.floor(0), Some(7), "a restart takes nothing back");
     }
 
     #[test]
     fn the_first_consumer_in_line_that_is_behind_is_named() {
-        let consumer = |name: &str, depth| Consumer { name: name.to_owned(), ends_itself: true, depth };
-        let mut answers = Answers::new([consumer("mapping", 2), consumer("fti", 1), consumer("std", 0)]);
+        let mut answers = Answers::new([consumer("mapping", true, 2), consumer("fti", true, 1), consumer("std", true, 0)]);
         let named = |answers: &Answers| answers.behind(9).map(|behind| (behind.name.to_owned(), behind.answered));
         assert_eq!(named(&answers), Some(("std".to_owned(), 0)));
-        answers.answered("mapping", 2);
-        answers.answered("fti", 4);
-        answers.answered("std", 5);
+        answers.answered("mapping", SCANS, 2);
+        answers.answered("fti", SCANS, 4);
+        answers.answered("std", SCANS, 5);
         assert_eq!(named(&answers), Some(("std".to_owned(), 5)), "mapping and fti wait for it");
-        answers.answered("std", 9);
+        answers.answered("std", SCANS, 9);
         assert_eq!(named(&answers), Some(("fti".to_owned(), 4)), "mapping waits for it");
-        answers.answered("fti", 9);
-        answers.answered("mapping", 9);
+        answers.answered("fti", SCANS, 9);
+        answers.answered("mapping", SCANS, 9);
         assert_eq!(answers.behind(9), None);
+    }
+
+    #[test]
+    fn a_consumer_with_slack_may_be_farther_behind() {
+        let fti = Consumer { reports_on: "motion/camera", slack: 10, ..consumer("fti", true, 1) };
+        let mut answers = Answers::new([consumer("sbs", true, 0), fti]);
+        answers.answered("sbs", SCANS, 9);
+        answers.answered("fti", SCANS, 9);
+        assert!(answers.lack_one(), "a report on another service is none");
+        answers.answered("fti", "motion/camera", 0);
+        assert_eq!((answers.floor(0), answers.lack_one(), answers.behind(9)), (Some(9), false, None));
+        answers.answered("sbs", SCANS, 20);
+        assert_eq!(answers.floor(0), Some(10));
+        assert_eq!(answers.behind(20).map(|behind| behind.name), Some("fti"));
     }
 
     #[test]
     fn a_consumer_that_is_over_is_not_waited_for() {
         let mut answers = answers();
-        answers.answered("mapping", 9);
+        answers.answered("mapping", SCANS, 9);
         answers.over("recorder");
         assert_eq!(answers.floor(0), Some(9));
         answers.over("mapping");
@@ -143,16 +167,16 @@ mod tests {
     #[test]
     fn the_end_stays_available_until_consumers_have_ended() {
         let mut answers = answers();
-        answers.answered("mapping", 9);
-        answers.answered("recorder", 8);
+        answers.answered("mapping", SCANS, 9);
+        answers.answered("recorder", SCANS, 8);
         answers.over("mapping");
         assert!(!answers.are_complete(9));
-        answers.answered("recorder", 9);
+        answers.answered("recorder", SCANS, 9);
         assert!(answers.are_complete(9));
 
         let mut answers = self::answers();
-        answers.answered("mapping", 9);
-        answers.answered("recorder", 9);
+        answers.answered("mapping", SCANS, 9);
+        answers.answered("recorder", SCANS, 9);
         assert!(!answers.are_complete(9), "killed now, mapping would need the last messages again");
     }
 }

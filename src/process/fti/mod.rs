@@ -17,6 +17,12 @@ use ::fti::{Fti, Input, Parameters, ParametersError, StateError};
 use missed::{Missed, News};
 pub(crate) use parameters::parameters;
 
+/// Motions of the camera between two checkpoints at most, as the registry says. A killed process needs those after its last checkpoint
+/// again, and the history of the stream has to hold them.
+const MOTIONS_PER_CHECKPOINT: u64 = match CameraMotion::SERVICE.replay {
+    Some(replay) => replay.checkpoint,
+    None => panic!("camera motion is played back"),
+};
 /// Shortest time between two outlooks: no faster than the displayed map is updated.
 const OUTLOOK_PERIOD: Duration = Duration::from_millis(90);
 /// A stream this much older than the newest scan is missed, s of the wall clock.
@@ -77,6 +83,8 @@ struct Integration {
     walkers: Writer<Walkers>,
     outlook: Writer<VerdictOutlook>,
     received: Cursors,
+    /// Last motion of the camera that the checkpoint includes.
+    saved_camera: u64,
     /// Memory of the head of the last checkpoint, which the next one reuses.
     buffer: Vec<u8>,
     lockstep: bool,
@@ -110,6 +118,10 @@ impl Fold for Integration {
         self.fti.last_scan().map_or(0, |scan| scan.seq)
     }
 
+    fn must_save(&self) -> bool {
+        self.received.camera.seq >= self.saved_camera + MOTIONS_PER_CHECKPOINT
+    }
+
     /// Whether every verdict has been given, or no stream that is missing is waited for any longer.
     fn is_complete(&self) -> bool {
         let waited = self.scans_ended_at.is_some_and(|at| at.elapsed() >= STRAGGLERS);
@@ -122,6 +134,7 @@ impl Fold for Integration {
         let bytes = encode(self.verdicts.recent(), encode(&self.received, bytes));
         self.buffer = self.fti.save_head(bytes);
         checkpoint.save_parts(&self.buffer, &mut Tiles(&mut self.fti));
+        self.saved_camera = self.received.camera.seq;
         Ok(())
     }
 
@@ -161,6 +174,9 @@ impl Fold for Integration {
         if !more {
             self.look_for_missed(context.elapsed_s());
         }
+        if self.camera.is_some() {
+            context.answered::<CameraMotion>(self.received.camera.seq);
+        }
         context.note(&self.note());
         context.count("verdicts", self.counts.verdicts);
         context.count("readings withheld", self.counts.withheld);
@@ -194,6 +210,7 @@ impl Integration {
             walkers: shell.writer()?,
             outlook: shell.writer()?,
             received,
+            saved_camera: received.camera.seq,
             buffer: Vec::new(),
             lockstep: settings.pace == Pace::Lockstep,
             scans_ended_at: None,

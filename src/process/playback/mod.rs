@@ -9,7 +9,7 @@ use anyhow::Result;
 use bus::{Reader, Received};
 use drivelog::{Gaps, Log, LogVisitor, Logged, visit_logged};
 use lane::{Cursor, Images, Lane, Messages, Source};
-use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Service, SonarScan};
+use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
 
@@ -114,7 +114,7 @@ impl LogVisitor for Opening<'_> {
     fn message<T: Logged>(&mut self) -> Result<()> {
         if let Some(cursor) = self.cursor(&T::SERVICE)? {
             let source = Messages::<T> { cursor, writer: self.shell.writer()? };
-            self.add(Box::new(source), &T::SERVICE, window(self.settings));
+            self.add(Box::new(source), &T::SERVICE, self.settings.playback.window.get());
         }
         Ok(())
     }
@@ -128,46 +128,38 @@ impl LogVisitor for Opening<'_> {
     }
 }
 
-/// Scans with recorded camera motion that may be sent ahead. FTI reports how far it has answered the scans, and it reads the motion up
-/// to them: what it lacks after a kill is that of this window and of a checkpoint interval, 128 scans. At ten scans a second these are
-/// 450 motions of a camera with 35 pictures a second, and the history holds 512.
-const SCANS_WITH_MOTION: u32 = 64;
+/// Pictures that lockstep sends ahead of FTI, which reads their answers. A killed FTI lacks those and what came since its last
+/// checkpoint. With the window of pictures they are as many as lockstep sends of recorded motion, which the registry allows.
+const PICTURES_AHEAD_OF_FTI: u64 = (Replay::SCANS.window - Replay::FRAMES.window) as u64;
 
-/// Scans that lockstep sends ahead of the slowest consumer.
-fn window(settings: &Settings) -> u32 {
-    let window = settings.playback.window.get();
-    if settings.playback.camera_motion { window.min(SCANS_WITH_MOTION) } else { window }
-}
-
-/// The processes of the deployment that answer a stream, and whether each ends by itself. Commands are left out: they need not
-/// report what they have answered.
+/// The processes of the deployment that consume a stream. Commands are left out: they need not report what they have answered.
 fn consumers(settings: &Settings, service: &str) -> Vec<Consumer> {
     let consumer = |process: &settings::Process| match process.program {
-        Program::BuiltIn(kind) => {
-            let name = || process.name.as_str().to_owned();
-            answers(kind, service, settings).map(|ends_itself| Consumer { name: name(), ends_itself, depth: depth(kind) })
-        }
+        Program::BuiltIn(kind) => consumer(kind, process.name.as_str(), service, settings),
         Program::Command(_) => None,
     };
     settings.process.iter().filter_map(consumer).collect()
 }
 
-/// How many other processes a consumer waits for: FTI for STD and SBS, mapping for FTI and localisation.
-fn depth(kind: BuiltIn) -> u8 {
-    match kind {
+/// A process as a consumer of a stream; `None` if it is none.
+fn consumer(kind: BuiltIn, name: &str, service: &str, settings: &Settings) -> Option<Consumer> {
+    let [scans, frames, motions] = [SonarScan::SERVICE.name, CameraFrame::SERVICE.name, CameraMotion::SERVICE.name];
+    // Others are waited for in turn: STD and SBS by FTI, FTI and localisation by mapping.
+    let depth = match kind {
         BuiltIn::Fti => 1,
         BuiltIn::Mapping => 2,
         _ => 0,
-    }
-}
-
-/// Whether a process that answers a stream ends by itself; `None` if it does not answer it.
-fn answers(kind: BuiltIn, service: &str, settings: &Settings) -> Option<bool> {
-    let (scans, frames) = (service == SonarScan::SERVICE.name, service == CameraFrame::SERVICE.name);
+    };
+    let ends_itself = kind != BuiltIn::Recorder;
+    let of = |reports_on, slack| Some(Consumer { name: name.to_owned(), ends_itself, depth, reports_on, slack });
+    let sees = settings.expects_camera_motion();
     match kind {
-        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation => scans.then_some(true),
-        BuiltIn::Sbs => frames.then_some(true),
-        BuiltIn::Recorder => (scans || frames && settings.recorder.pictures).then_some(false),
+        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation if service == scans => of(scans, 0),
+        BuiltIn::Fti if sees && service == motions => of(motions, 0),
+        BuiltIn::Fti if sees && service == frames => of(motions, PICTURES_AHEAD_OF_FTI),
+        BuiltIn::Sbs if service == frames => of(frames, 0),
+        BuiltIn::Recorder if service == scans => of(scans, 0),
+        BuiltIn::Recorder if service == frames && settings.recorder.pictures => of(frames, 0),
         _ => None,
     }
 }
@@ -216,8 +208,8 @@ impl Playback {
     fn take_reports(&mut self) -> Result<(), StepError> {
         while let Some(received) = self.progress.take()? {
             if let Received::Message(progress) = received {
-                let lanes = self.lanes.iter_mut().filter(|lane| lane.service == progress.service.as_str());
-                lanes.for_each(|lane| lane.answers.answered(progress.process.as_str(), progress.answered));
+                let Progress { process, service, answered } = &*progress;
+                self.lanes.iter_mut().for_each(|lane| lane.answers.answered(process.as_str(), service.as_str(), *answered));
             }
         }
         while let Some(received) = self.statuses.take()? {
@@ -363,15 +355,18 @@ fn hold_back(live_speed: Option<f64>, schedule: Schedule, now_ns: u64, stamp_ns:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use messages::Replay;
 
     #[test]
-    fn recorded_camera_motion_narrows_the_window() {
-        let mut settings = Settings::default();
-        assert_eq!(window(&settings), 256);
-        settings.playback.camera_motion = true;
-        let (ahead, interval) = (u64::from(window(&settings)), Replay::SCANS.checkpoint);
-        let motions = |pictures_per_s: f64| ((ahead + interval) as f64 * pictures_per_s / 10.0) as usize;
-        assert!(motions(35.0) < CameraMotion::SERVICE.qos.history, "what FTI lacks after a kill is in the history");
+    fn what_fti_lacks_after_a_kill_is_in_the_history() {
+        let text = "name = \"x\"\n[[process]]\nname = \"sbs\"\nrun = \"sbs\"\n[[process]]\nname = \"fti\"\nrun = \"fti\"\n\
+            [[process]]\nname = \"playback\"\nrun = \"playback\"\n";
+        let settings = Settings::parse("x.toml", text).unwrap();
+        let fti = |service: &str| consumers(&settings, service).into_iter().find(|consumer| consumer.name == "fti").unwrap();
+        for (service, window) in [(&CameraFrame::SERVICE, Replay::FRAMES.window), (&CameraMotion::SERVICE, Replay::SCANS.window)] {
+            let fti = fti(service.name);
+            assert_eq!(fti.reports_on, CameraMotion::SERVICE.name);
+            let lacking = u64::from(window) + fti.slack + Replay::SCANS.checkpoint;
+            assert!(lacking < CameraMotion::SERVICE.qos.history as u64, "{lacking} of {}", service.name);
+        }
     }
 }

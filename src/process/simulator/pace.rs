@@ -54,10 +54,10 @@ impl Pace {
             return Ok(None);
         }
         // Each of the kinds waits for the answers of those before it.
-        let consumers = |kinds: &[BuiltIn]| {
+        let consumers = |kinds: &[BuiltIn], reports_on| {
             let named = (0..).zip(kinds).flat_map(|(depth, kind)| settings.named(*kind).map(move |name| (depth, name)));
             let named = named.collect::<Vec<(u8, String)>>();
-            Answers::new(named.into_iter().map(|(depth, name)| Consumer { name, ends_itself: true, depth }))
+            Answers::new(named.into_iter().map(|(depth, name)| Consumer { name, ends_itself: true, depth, reports_on, slack: 0 }))
         };
         let pictures: &[BuiltIn] = if settings.simulator.camera.provides == settings::Provides::Pictures { &[BuiltIn::Sbs] } else { &[] };
         Ok(Some(Self {
@@ -66,8 +66,8 @@ impl Pace {
             progress: shell.reader()?,
             statuses: shell.reader()?,
             drivers: settings.named(BuiltIn::Pioneer).collect(),
-            scan_answers: consumers(&[BuiltIn::Std, BuiltIn::Localisation, BuiltIn::Fti, BuiltIn::Mapping]),
-            frame_answers: consumers(pictures),
+            scan_answers: consumers(&[BuiltIn::Std, BuiltIn::Localisation, BuiltIn::Fti, BuiltIn::Mapping], SonarScan::SERVICE.name),
+            frame_answers: consumers(pictures, CameraFrame::SERVICE.name),
             last_scan: (0, 0),
             last_frame: None,
             packet: None,
@@ -107,11 +107,9 @@ impl Pace {
         }
         while let Some(received) = self.progress.take()? {
             if let Received::Message(progress) = received {
-                let process = progress.process.as_str();
-                match progress.service.as_str() {
-                    service if service == SonarScan::SERVICE.name => self.scan_answers.answered(process, progress.answered),
-                    service if service == CameraFrame::SERVICE.name => self.frame_answers.answered(process, progress.answered),
-                    _ => {}
+                let Progress { process, service, answered } = &*progress;
+                for answers in [&mut self.scan_answers, &mut self.frame_answers] {
+                    answers.answered(process.as_str(), service.as_str(), *answered);
                 }
             }
         }
