@@ -73,6 +73,13 @@ impl Evidence {
         }
     }
 
+    /// Forgets everything that has a place.
+    pub(crate) fn forget_places(&mut self) {
+        self.still.forget();
+        self.runs = Runs::default();
+        self.recent = Queue::default();
+    }
+
     /// A scan that waits for its verdict from now on. Nothing stands where the robot does.
     pub(crate) fn push(&mut self, scan: PendingScan) {
         let [x_m, y_m] = scan.robot_m;

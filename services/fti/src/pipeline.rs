@@ -82,6 +82,9 @@ impl Fti {
     /// regions; then the verdicts that are due.
     fn integrate(&mut self, scan: &Waiting, frames: &[Frame], verdicts: &mut Vec<Verdict>) {
         let (stamp_ns, pose) = (scan.stamp_ns, scan.scan.pose);
+        if scan.scan.is_doubtful() {
+            self.forget_places(verdicts);
+        }
         self.follow_by_camera(scan, frames);
         let readings = self.readings(&scan.scan, stamp_ns);
         self.follow_by_sonar(scan, &readings);
@@ -98,6 +101,15 @@ impl Fti {
         self.decide_until(stamp_ns.saturating_sub(horizon_ns), verdicts);
         self.evidence.runs.forget(stamp_ns.saturating_sub(2 * horizon_ns));
         self.tracks.forget(stamp_ns.saturating_sub(2 * horizon_ns));
+    }
+
+    /// The poses from here on may be off against those before: what is pending is decided by what was known there, and new readings are
+    /// not judged by the old places.
+    fn forget_places(&mut self, verdicts: &mut Vec<Verdict>) {
+        self.decide_until(u64::MAX, verdicts);
+        self.evidence.forget_places();
+        self.tracks.tracks.clear();
+        self.last = None;
     }
 
     fn follow_by_camera(&mut self, scan: &Waiting, frames: &[Frame]) {

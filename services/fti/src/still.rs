@@ -1,7 +1,7 @@
 //! Whether something stands there: in how many slots of time a cell was hit, and in how many it was seen free.
 
 use geometry::Beam;
-use geometry::{Cell, CellSize, Lattice, TileKey};
+use geometry::{Cell, CellSize, Lattice, TILE_CELLS, TileKey};
 
 /// Readings of one slot count once: a firing cycle and a half, ns.
 /// Half: 84.4 % / 1.26 %, twice: 85.6 % / 1.51 %.
@@ -59,6 +59,14 @@ impl Still {
     /// The tiles that have changed since this was last asked.
     pub(crate) fn take_changed(&mut self) -> Vec<TileKey> {
         self.cells.take_changed()
+    }
+
+    /// Forgets every cell. The tiles stay: a checkpoint to which changes are appended would otherwise hold their old cells.
+    pub(crate) fn forget(&mut self) {
+        let keys: Vec<TileKey> = self.cells.tiles().map(|(key, _)| key).collect();
+        for key in keys {
+            self.cells.set_tile(key, &[CellEvidence::default(); TILE_CELLS]);
+        }
     }
 
     pub(crate) fn size(&self) -> CellSize {

@@ -4,7 +4,10 @@
 
 use std::collections::BTreeMap;
 
-use messages::{Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan, StreamCursor};
+use messages::{
+    AFTER_DOUBT, AFTER_LOSS, Blob, CameraMotion, CameraStatus, FilterVerdict, Payload, Pose, SonarMotion, SonarReading, SonarScan,
+    StreamCursor,
+};
 use proptest::prelude::*;
 use state::DecodeError;
 use stillmap_fti::{Camera, Fti, Input, Parameters, Patience, StateError, Verdict};
@@ -101,6 +104,36 @@ fn without_a_camera_verdicts_come_and_say_so() {
         let expected = before_sonar(verdict.stamp_ns as f64 * 1e-9);
         assert_eq!(verdict.verdict.withholds(0), expected, "who is gone within a second was no wall: {verdict:?}");
     }
+}
+
+/// Verdicts on a round wall, at which a turning robot looks. From scan 61 on, in which `after_gap` stands, it is nearer.
+fn verdicts_on_a_shifted_wall(fti: &mut Fti, first: u64, after_gap: u32) -> Vec<Verdict> {
+    let (mut verdicts, mut tiles) = (Vec::new(), Vec::new());
+    for seq in first..=SCANS {
+        let mut scan = scan_of(if seq <= 60 { WALL_M } else { 1.5 });
+        scan.pose = Pose { x_m: if seq <= 5 { -5.0 } else { 0.0 }, yaw_rad: 0.1 * (seq % 7) as f64, ..Pose::default() };
+        scan.after_gap = if seq == 61 { after_gap } else { 0 };
+        verdicts.extend(fti.step(Input::Scan { seq, stamp_ns: seq * 100_000_000, scan: &scan }));
+        verdicts.extend(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
+        if seq == 61 && after_gap == AFTER_DOUBT && first == 1 {
+            assert_eq!(verdicts.iter().map(|verdict| verdict.seq).collect::<Vec<_>>(), (1..=60).collect::<Vec<_>>());
+            let unsaved = fti.take_unsaved();
+            assert!(tiles.len() > 1 && tiles.iter().all(|tile| unsaved.contains(tile)), "no tile of a checkpoint is older");
+        }
+        tiles = fti.saved_tiles();
+    }
+    verdicts.extend(finish(fti));
+    verdicts.retain(|verdict| verdict.seq > 60);
+    verdicts
+}
+
+#[test]
+fn after_a_doubtful_pose_the_old_places_judge_no_reading() {
+    let fti = || Fti::new(Parameters { camera: None, ..Parameters::default() }).unwrap();
+    let of_new = verdicts_on_a_shifted_wall(&mut fti(), 61, 0);
+    assert_eq!(of_new.len(), 60);
+    assert!(verdicts_on_a_shifted_wall(&mut fti(), 1, AFTER_DOUBT) == of_new);
+    assert!(verdicts_on_a_shifted_wall(&mut fti(), 1, AFTER_LOSS) != of_new, "the wall was free floor before");
 }
 
 #[test]
