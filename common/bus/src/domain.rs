@@ -19,8 +19,14 @@ use crate::ports::{Ports, Presence};
 use crate::reader::Reader;
 use crate::writer::Writer;
 
-/// The names of iceoryx2's sockets, which begin with the folder of the domain, may have 107 bytes.
-const LONGEST_FOLDER: usize = 48;
+/// Longest folder of a domain, bytes. A socket of iceoryx2 in it is `bus/`, the prefix of the domain, a number and `.event`. The kernel
+/// takes 108 bytes with the one that ends the name, and iceoryx2 writes beyond them. The number grows with the ports that a process
+/// has ever made: with 34 digits it allows for 126,000 of them, and a supervisor makes about 60 for each domain.
+const LONGEST_FOLDER: usize = LONGEST_SOCKET - "/bus/stillmap_01234567_".len() - LONGEST_ID - ".event".len();
+/// Longest name of a socket, bytes.
+const LONGEST_SOCKET: usize = 107;
+/// Most digits of the number of a port.
+const LONGEST_ID: usize = 34;
 
 /// What keeps a service in being.
 type Held = Box<dyn std::any::Any>;
@@ -410,4 +416,46 @@ fn check_name(name: &str) -> Result<(), DomainError> {
         return Err(DomainError::Name { name: name.to_owned() });
     }
     Ok(())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use std::os::unix::fs::FileTypeExt;
+
+    use messages::SonarScan;
+
+    use super::*;
+
+    /// A name with which the folder of the domain has this many bytes.
+    fn name_for(folder_bytes: usize) -> String {
+        let mut name = format!("long-{}", std::process::id());
+        let missing = folder_bytes - runtime_dir().unwrap().join(&name).as_os_str().len();
+        name.extend(std::iter::repeat_n('x', missing));
+        name
+    }
+
+    #[test]
+    fn sockets_of_the_longest_folder_have_room_for_their_numbers() {
+        let domain = Domain::open(&name_for(LONGEST_FOLDER), 1.0).unwrap();
+        let mut ports = Ports::join(&domain.membership_for("example", 0, "settings.toml".as_ref())).unwrap();
+        let scans = ports.reader::<SonarScan>().unwrap();
+        let files = std::fs::read_dir(domain.directory().join("bus")).unwrap().map(|entry| entry.unwrap());
+        let sockets: Vec<PathBuf> = files.filter(|file| file.file_type().unwrap().is_socket()).map(|file| file.path()).collect();
+        assert!(!sockets.is_empty());
+        for socket in sockets {
+            let name = socket.file_name().unwrap().to_str().unwrap();
+            let id = name.rsplit('_').next().unwrap().trim_end_matches(".event");
+            assert!(id.bytes().all(|byte| byte.is_ascii_digit()) && id.len() <= LONGEST_ID, "{name}");
+            assert_eq!(socket.as_os_str().len() - id.len() + LONGEST_ID, LONGEST_SOCKET, "{name}");
+        }
+        drop((scans, ports));
+        domain.close().unwrap();
+    }
+
+    #[test]
+    fn a_longer_folder_is_refused() {
+        let error = Domain::open(&name_for(LONGEST_FOLDER + 1), 1.0).err().unwrap().to_string();
+        assert!(error.contains("is 45 bytes long, expected at most 44"), "{error}");
+    }
 }
