@@ -67,7 +67,7 @@ pub enum Output {
 /// An event for the log. Its words follow the name of the device.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Event {
-    /// There are no pictures, for this reason; reported when it changes.
+    /// There are no pictures, for this reason; each is reported once in a silence.
     #[error("{0}; still trying")]
     Trouble(Trouble),
     /// The camera gives no pictures though nothing is known to be wrong.
@@ -138,8 +138,10 @@ struct Streaming {
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Silent {
     since_ns: u64,
-    /// Why, if that is known; it has been said.
+    /// Why, if that is known.
     why: Option<Trouble>,
+    /// The reasons that have been reported.
+    reported: Vec<Trouble>,
 }
 
 /// What is known of a camera, over any number of openings.
@@ -197,7 +199,7 @@ impl Session {
     pub fn note(&self, device: &str, given: &str, now_ns: u64) -> String {
         match (&self.silent, self.state) {
             (Some(Silent { why: Some(trouble), .. }), _) => format!("{device}: {trouble}"),
-            (Some(Silent { since_ns, why: None }), _) => {
+            (Some(Silent { since_ns, why: None, .. }), _) => {
                 format!("{device}: no picture for {:.0} s", seconds(now_ns.saturating_sub(*since_ns)))
             }
             (None, State::Waiting { .. }) => format!("{device}: waiting"),
@@ -253,11 +255,13 @@ impl Session {
             (None, State::Streaming(streaming)) => streaming.last_ns,
             (None, State::Waiting { .. }) => now_ns,
         };
-        if self.silent.as_ref().and_then(|silent| silent.why.as_ref()) != Some(&trouble) {
+        let mut reported = self.silent.take().map_or_else(Vec::new, |silent| silent.reported);
+        if !reported.contains(&trouble) {
             out.push(Output::Event(Event::Trouble(trouble.clone())));
+            reported.push(trouble.clone());
         }
         let broken = matches!(trouble, Trouble::Broken { .. });
-        self.silent = Some(Silent { since_ns, why: Some(trouble) });
+        self.silent = Some(Silent { since_ns, why: Some(trouble), reported });
         match self.state {
             State::Streaming(streaming) if broken => self.restart(streaming, now_ns, out),
             State::Streaming(_) => self.close(now_ns, out),
@@ -270,12 +274,15 @@ impl Session {
             State::Waiting { due_ns } if now_ns >= due_ns => out.push(Output::Open),
             State::Streaming(streaming) if now_ns >= self.due_ns() => {
                 let silence_s = seconds(now_ns.saturating_sub(streaming.last_ns));
-                let since_ns = self.silent.as_ref().map(|silent| silent.since_ns);
-                if since_ns.is_none() {
-                    out.push(Output::Event(Event::Stalled { silence_s }));
-                }
+                let (since_ns, reported) = match self.silent.take() {
+                    Some(silent) => (silent.since_ns, silent.reported),
+                    None => {
+                        out.push(Output::Event(Event::Stalled { silence_s }));
+                        (streaming.last_ns, Vec::new())
+                    }
+                };
                 // Whatever was wrong before is over: the stream runs, but gives nothing.
-                self.silent = Some(Silent { since_ns: since_ns.unwrap_or(streaming.last_ns), why: None });
+                self.silent = Some(Silent { since_ns, why: None, reported });
                 self.restart(streaming, now_ns, out);
             }
             _ => {}

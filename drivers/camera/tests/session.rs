@@ -218,3 +218,19 @@ fn limits_follow_the_rate_and_the_deployment_s_speed() {
     assert_eq!(due_of(5.0, 1.0), 2000 * MS);
     assert_eq!(due_of(30.0, 4.0), 4000 * MS);
 }
+
+#[test]
+fn troubles_that_alternate_are_reported_once_each() {
+    let mut bench = Bench::streaming();
+    bench.publishes(0);
+    assert_eq!(bench.after(0, Input::Trouble(Trouble::Absent)), [absent(), Output::Close]);
+    for round in 0..4 {
+        let expected = if round == 0 { vec![said(Trouble::Busy)] } else { Vec::new() };
+        assert_eq!(bench.after(0, Input::Trouble(Trouble::Busy)), expected);
+        assert_eq!(bench.after(RETRY, Input::Tick), [Output::Open]);
+        bench.after(0, Input::Opened);
+        assert_eq!(bench.after(STALL, Input::Tick), [Output::Restart], "it is silent already");
+        bench.after(0, Input::Opened);
+        assert_eq!(bench.after(0, Input::Trouble(Trouble::Absent)), [Output::Close]);
+    }
+}

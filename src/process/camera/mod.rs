@@ -1,5 +1,7 @@
 //! The driver as a process: a session between a camera and the bus.
 
+mod silences;
+
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -10,6 +12,8 @@ use bus::{Episode, FrameWriter};
 use messages::{CameraFrame, FrameLayout, PixelFormat, StreamCursor};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, CameraFormat, Settings};
+
+use silences::Silences;
 
 /// Most pictures taken in one step: as many as the device has buffers.
 const MOST_AT_ONCE: usize = 4;
@@ -55,6 +59,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         checkpoint,
         speed,
         damages: Episode::default(),
+        silences: Silences::default(),
     };
     Ok(shell.run(&mut process)?)
 }
@@ -70,6 +75,7 @@ struct Process {
     checkpoint: Checkpoint,
     speed: f64,
     damages: Episode,
+    silences: Silences,
 }
 
 impl runtime::Process for Process {
@@ -86,6 +92,9 @@ impl runtime::Process for Process {
         self.feed(Input::Tick, context.now_ns())?;
         let damaged = self.damages.over(Instant::now());
         self.report_damages(damaged);
+        if let Some(count) = self.silences.over(Instant::now()) {
+            tracing::info!("{}: {count} times without pictures; they come steadily again", self.device());
+        }
         self.report(context);
         Ok(if more { Next::Again } else { self.wait(context.now_ns()) })
     }
@@ -141,8 +150,13 @@ impl Process {
                     self.feed(restarted.map_or_else(Input::Trouble, |()| Input::Opened), now_ns)?;
                 }
                 Output::Close => self.camera = None,
-                Output::Event(event @ Event::Recovered { .. }) => tracing::info!("{}: {event}", self.device()),
+                Output::Event(event @ Event::Recovered { .. }) => {
+                    if self.silences.end(Instant::now()) {
+                        tracing::info!("{}: {event}", self.device());
+                    }
+                }
                 Output::Event(Event::Damaged { .. }) if !self.damages.occurred(Instant::now()) => {}
+                Output::Event(Event::Trouble(_) | Event::Stalled { .. }) if !self.silences.begin(Instant::now()) => {}
                 Output::Event(event) => tracing::warn!("{}: {event}", self.device()),
             }
         }
