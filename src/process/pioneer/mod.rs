@@ -1,17 +1,20 @@
 //! The driver as a process: a session between a serial port and the bus.
 
+mod sharing;
+
 use std::os::fd::BorrowedFd;
 use std::time::{Duration, Instant};
 
 use super::robot;
 use super::simulator::PORT_NAME;
-use ::pioneer::{Address, Checkpoint, Factors, Input, Opening, Output, Parameters, Port, Session, Share, Shared};
+use ::pioneer::{Address, Checkpoint, Factors, Input, Opening, Output, Parameters, Port, Session, Shared};
 use anyhow::Result;
 use bus::{Reader, Received, Writer};
 use messages::{SimulatedTime, SonarScan};
 use runtime::{Context, Next, Shell, StepError};
 use rustix::time::{ClockId, clock_gettime};
 use settings::{BuiltIn, NetworkPort, Port as PortSetting, Settings};
+use sharing::Sharing;
 
 /// Most bytes taken from the line in one step: a line that never falls silent must not keep the heartbeat from beating.
 const MOST_AT_ONCE: usize = 8192;
@@ -52,7 +55,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         opened: None,
         trouble: None,
         session,
-        share: share(&settings.pioneer),
+        sharing: Sharing::new(&settings.pioneer, Instant::now()),
         stamp_ns: 0,
         scans,
         checkpoint,
@@ -70,21 +73,6 @@ pub(crate) fn address(port: &PortSetting) -> Option<Address> {
         PortSetting::Simulator => None,
         PortSetting::Device(path) => Some(Address::Device(path.clone())),
         PortSetting::Network(NetworkPort { host, port }) => Some(Address::Network { host: host.clone(), port: *port }),
-    }
-}
-
-/// The shared ports of the settings. Without them the drive is mapped all the same.
-fn share(pioneer: &settings::Pioneer) -> Share {
-    let port = pioneer.share_tcp.and_then(|port| u16::try_from(port.get()).ok());
-    match Share::open(pioneer.share.clone(), port) {
-        Ok(share) => {
-            share.names().for_each(|name| tracing::info!("the robot is shared on {name}"));
-            share
-        }
-        Err(error) => {
-            tracing::warn!("the robot is not shared: {error}");
-            Share::default()
-        }
     }
 }
 
@@ -128,7 +116,7 @@ struct Process {
     /// Why there is no port, as it was last said.
     trouble: Option<String>,
     session: Session,
-    share: Share,
+    sharing: Sharing,
     /// Stamp of the last scan.
     stamp_ns: u64,
     scans: Writer<SonarScan>,
@@ -200,7 +188,7 @@ impl runtime::Process for Process {
     }
 
     fn descriptors(&self) -> Vec<BorrowedFd<'_>> {
-        self.port.iter().map(Port::descriptor).chain(self.share.descriptors()).collect()
+        self.port.iter().map(Port::descriptor).chain(self.sharing.share.descriptors()).collect()
     }
 }
 
@@ -233,7 +221,7 @@ impl Process {
         let now_ns = self.now_ns(context)?;
         if count > 0 {
             if self.session.is_shared() {
-                self.share.write(&bytes[..count]);
+                self.sharing.share.write(&bytes[..count]);
             }
             self.feed(Input::Bytes(&bytes[..count]), now_ns)?;
         }
@@ -248,7 +236,8 @@ impl Process {
     /// Takes what programs on the shared ports have sent.
     fn serve_clients(&mut self, context: &Context<'_>) -> Result<(), StepError> {
         let now_ns = self.now_ns(context)?;
-        for shared in self.share.read(Instant::now()) {
+        self.sharing.retry(Instant::now());
+        for shared in self.sharing.share.read(Instant::now()) {
             match shared {
                 Shared::Command(data) => self.feed(Input::Client(&data), now_ns)?,
                 Shared::Left => self.feed(Input::ClientLeft, now_ns)?,
