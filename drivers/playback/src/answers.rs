@@ -11,8 +11,6 @@ pub struct Consumer {
     pub depth: u8,
     /// The service on which it reports its progress.
     pub reports_on: &'static str,
-    /// So many messages more than the window it may be behind.
-    pub slack: u64,
 }
 
 /// A consumer that playback waits for.
@@ -60,19 +58,18 @@ impl Answers {
         self.consumers.retain(|state| state.consumer.name != process);
     }
 
-    /// The last message that every consumer has answered, or may answer later by its slack, where those without a report count as having answered `assumed`; `None`
+    /// The last message that every consumer has answered, where those without a report count as having answered `assumed`; `None`
     /// without a consumer.
     #[must_use]
     pub fn floor(&self, assumed: u64) -> Option<u64> {
-        self.consumers.iter().map(|state| state.answered.unwrap_or(assumed).saturating_add(state.consumer.slack)).min()
+        self.consumers.iter().map(|state| state.answered.unwrap_or(assumed)).min()
     }
 
     /// The consumer that keeps the others waiting: of those that have not answered the message `last`, the one with the fewest before
     /// it, and of these the slowest.
     #[must_use]
     pub fn behind(&self, last: u64) -> Option<Behind<'_>> {
-        let with_slack = |state: &State| state.answered.map(|seq| seq.saturating_add(state.consumer.slack));
-        let behind = self.consumers.iter().filter(|state| with_slack(state) < Some(last));
+        let behind = self.consumers.iter().filter(|state| state.answered < Some(last));
         behind
             .map(|State { consumer, answered }| Behind {
                 depth: consumer.depth,
@@ -102,7 +99,7 @@ mod tests {
     const SCANS: &str = "robot/scan";
 
     fn consumer(name: &str, ends_itself: bool, depth: u8) -> Consumer {
-        Consumer { name: name.to_owned(), ends_itself, depth, reports_on: SCANS, slack: 0 }
+        Consumer { name: name.to_owned(), ends_itself, depth, reports_on: SCANS }
     }
 
     fn answers() -> Answers {
@@ -141,17 +138,11 @@ mod tests {
     }
 
     #[test]
-    fn a_consumer_with_slack_may_be_farther_behind() {
-        let fti = Consumer { reports_on: "motion/camera", slack: 10, ..consumer("fti", true, 1) };
-        let mut answers = Answers::new([consumer("sbs", true, 0), fti]);
-        answers.answered("sbs", SCANS, 9);
-        answers.answered("fti", SCANS, 9);
-        assert!(answers.lack_one(), "a report on another service is none");
-        answers.answered("fti", "motion/camera", 0);
-        assert_eq!((answers.floor(0), answers.lack_one(), answers.behind(9)), (Some(9), false, None));
-        answers.answered("sbs", SCANS, 20);
-        assert_eq!(answers.floor(0), Some(10));
-        assert_eq!(answers.behind(20).map(|behind| behind.name), Some("fti"));
+    fn a_report_on_another_service_is_none() {
+        let mut answers = answers();
+        answers.answered("mapping", "motion/camera", 9);
+        answers.answered("recorder", SCANS, 9);
+        assert_eq!((answers.floor(5), answers.lack_one()), (Some(5), true));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! One stream on its way from the log to the bus.
 
-use ::playback::{Answers, Head, Window};
+use ::playback::{Answers, Behind, Head, Window};
 use bus::{BusError, FrameWriter, Writer};
 use drivelog::{Entry, Gaps, Image, Log, LogError, Logged, Step};
 use messages::Pictures;
@@ -129,6 +129,36 @@ impl<P: Pictures> Source for Images<P> {
     }
 }
 
+/// Processes that lockstep does not leave farther behind than a window.
+pub(super) struct Limit {
+    pub(super) answers: Answers,
+    /// `None` live.
+    window: Option<Window>,
+    /// Size of the window once each of them has reported its progress.
+    size: u32,
+}
+
+impl Limit {
+    /// A window of `size` messages, or of at most `lead` until each process has reported.
+    pub(super) fn new(answers: Answers, size: u32, lead: Option<u32>, lockstep: bool) -> Self {
+        let first = lead.map_or(size, |lead| size.min(lead));
+        Self { answers, window: lockstep.then(|| Window::new(first)), size }
+    }
+
+    fn heed_answers(&mut self, assumed: u64) {
+        let Some(window) = &mut self.window else { return };
+        if !self.answers.lack_one() {
+            window.resize(self.size);
+        }
+        // Without a process there is nothing to wait for.
+        window.answered(self.answers.floor(assumed).unwrap_or(u64::MAX));
+    }
+
+    fn has_room(&self) -> bool {
+        self.window.as_ref().is_none_or(Window::has_room)
+    }
+}
+
 /// A stream with its consumers.
 pub(super) struct Lane {
     pub(super) source: Box<dyn Source>,
@@ -139,11 +169,7 @@ pub(super) struct Lane {
     pub(super) begin_behind: u64,
     /// What a consumer without a report has answered.
     pub(super) assumed: u64,
-    pub(super) answers: Answers,
-    /// `None` live.
-    pub(super) window: Option<Window>,
-    /// Size of the window once every consumer has reported its progress.
-    pub(super) size: u32,
+    pub(super) limits: Vec<Limit>,
     /// Number and stamp of the last message that was passed.
     pub(super) last: (u64, u64),
     pub(super) sent: u64,
@@ -153,17 +179,27 @@ pub(super) struct Lane {
 impl Lane {
     /// Takes account of what its consumers have answered.
     pub(super) fn heed_answers(&mut self) {
-        let Some(window) = &mut self.window else { return };
-        if !self.answers.lack_one() {
-            window.resize(self.size);
-        }
-        // Without a consumer there is nothing to wait for.
-        window.answered(self.answers.floor(self.assumed).unwrap_or(u64::MAX));
+        self.limits.iter_mut().for_each(|limit| limit.heed_answers(self.assumed));
     }
 
-    /// Whether its consumers have to answer before it may send.
-    pub(super) fn is_held(&self) -> bool {
-        !self.ended && self.window.as_ref().is_some_and(|window| !window.has_room())
+    /// The reports on its messages.
+    pub(super) fn answers(&mut self) -> impl Iterator<Item = &mut Answers> {
+        self.limits.iter_mut().map(|limit| &mut limit.answers)
+    }
+
+    /// Whether no consumer can need it again.
+    pub(super) fn is_complete(&self) -> bool {
+        self.limits.iter().all(|limit| limit.answers.are_complete(self.last.0))
+    }
+
+    /// The consumer that it waits for.
+    pub(super) fn behind(&self) -> Option<Behind<'_>> {
+        let held = self.limits.iter().filter(|limit| !self.ended && !limit.has_room());
+        held.filter_map(|limit| limit.answers.behind(self.last.0)).min()
+    }
+
+    fn has_room(&self) -> bool {
+        self.limits.iter().all(Limit::has_room)
     }
 
     /// Looks for its next message until the round is over; false when it is not found yet.
@@ -179,7 +215,7 @@ impl Lane {
         match self.source.peek() {
             Some((seq, stamp_ns)) => {
                 // A message that is skipped takes no room.
-                let has_room = seq <= self.begin_behind || self.window.as_ref().is_none_or(Window::has_room);
+                let has_room = seq <= self.begin_behind || self.has_room();
                 Ok(Some(Head { stamp_ns, has_room, last_ns: self.last.1 }))
             }
             None => {
@@ -198,9 +234,7 @@ impl Lane {
     /// Sends its next message, which has this number and stamp.
     pub(super) fn send(&mut self, seq: u64, stamp_ns: u64) -> Result<(), BusError> {
         self.source.pass(true)?;
-        if let Some(window) = &mut self.window {
-            window.sent(seq);
-        }
+        self.limits.iter_mut().filter_map(|limit| limit.window.as_mut()).for_each(|window| window.sent(seq));
         self.last = (seq, stamp_ns);
         self.sent += 1;
         Ok(())

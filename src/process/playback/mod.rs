@@ -4,11 +4,11 @@ mod lane;
 
 use std::time::{Duration, Instant};
 
-use ::playback::{Answers, Behind, Consumer, Resume, STREAMS, Schedule, Turn, Window, turn};
+use ::playback::{Answers, Behind, Consumer, Resume, STREAMS, Schedule, Turn, turn};
 use anyhow::Result;
 use bus::{Reader, Received};
 use drivelog::{Gaps, Log, LogVisitor, Logged, visit_logged};
-use lane::{Cursor, Images, Lane, Messages, Source};
+use lane::{Cursor, Images, Lane, Limit, Messages, Source};
 use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
 use settings::{BuiltIn, Pace, Program, Settings};
@@ -85,6 +85,17 @@ impl Opening<'_> {
         Ok(if service.replay.is_some() && !is_made_again { Some(Cursor::new(Log::open(&self.settings.playback.log)?)) } else { None })
     }
 
+    fn limits(&self, service: &Service, window: u32, lead: u32) -> Vec<Limit> {
+        let (lockstep, lead) = (self.settings.pace == Pace::Lockstep, self.restarted.then_some(lead));
+        let limit = |consumers, size| Limit::new(Answers::new(consumers), size, lead, lockstep);
+        let mut limits = vec![limit(consumers(self.settings, service.name), window)];
+        if service.name == CameraFrame::SERVICE.name {
+            // The numbers of the motions are those of the pictures.
+            limits.push(limit(consumers(self.settings, CameraMotion::SERVICE.name), PICTURES_AHEAD_OF_FTI));
+        }
+        limits
+    }
+
     /// Adds a lane in which lockstep sends at most `window` messages ahead of the slowest consumer.
     fn add(&mut self, source: Box<dyn Source>, service: &Service, window: u32) {
         let streams = STREAMS.iter().zip(self.resume.begin_behind).zip(self.resume.reserved);
@@ -97,10 +108,7 @@ impl Opening<'_> {
             service: service.name,
             begin_behind,
             assumed,
-            answers: Answers::new(consumers(self.settings, service.name)),
-            window: (self.settings.pace == Pace::Lockstep)
-                .then(|| Window::new(if self.restarted { window.min(of.replay.lead) } else { window })),
-            size: window,
+            limits: self.limits(service, window, of.replay.lead),
             last: (0, 0),
             sent: 0,
             ended: false,
@@ -128,9 +136,9 @@ impl LogVisitor for Opening<'_> {
     }
 }
 
-/// Pictures that lockstep sends ahead of FTI, which reads their answers. A killed FTI lacks those and what came since its last
-/// checkpoint. With the window of pictures they are as many as lockstep sends of recorded motion, which the registry allows.
-const PICTURES_AHEAD_OF_FTI: u64 = (Replay::SCANS.window - Replay::FRAMES.window) as u64;
+/// Pictures that lockstep sends ahead of FTI, which reads their answers. A killed FTI lacks the answers to those, and to the ones since
+/// its last checkpoint: together they are less than the history of the answers holds.
+const PICTURES_AHEAD_OF_FTI: u32 = CameraMotion::SERVICE.qos.history as u32 - Replay::SCANS.checkpoint as u32 - 1;
 
 /// The processes of the deployment that consume a stream. Commands are left out: they need not report what they have answered.
 fn consumers(settings: &Settings, service: &str) -> Vec<Consumer> {
@@ -151,15 +159,13 @@ fn consumer(kind: BuiltIn, name: &str, service: &str, settings: &Settings) -> Op
         _ => 0,
     };
     let ends_itself = kind != BuiltIn::Recorder;
-    let of = |reports_on, slack| Some(Consumer { name: name.to_owned(), ends_itself, depth, reports_on, slack });
-    let sees = settings.expects_camera_motion();
+    let of = |reports_on| Some(Consumer { name: name.to_owned(), ends_itself, depth, reports_on });
     match kind {
-        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation if service == scans => of(scans, 0),
-        BuiltIn::Fti if sees && service == motions => of(motions, 0),
-        BuiltIn::Fti if sees && service == frames => of(motions, PICTURES_AHEAD_OF_FTI),
-        BuiltIn::Sbs if service == frames => of(frames, 0),
-        BuiltIn::Recorder if service == scans => of(scans, 0),
-        BuiltIn::Recorder if service == frames && settings.recorder.pictures => of(frames, 0),
+        BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation if service == scans => of(scans),
+        BuiltIn::Fti if service == motions && settings.expects_camera_motion() => of(motions),
+        BuiltIn::Sbs if service == frames => of(frames),
+        BuiltIn::Recorder if service == scans => of(scans),
+        BuiltIn::Recorder if service == frames && settings.recorder.pictures => of(frames),
         _ => None,
     }
 }
@@ -209,13 +215,14 @@ impl Playback {
         while let Some(received) = self.progress.take()? {
             if let Received::Message(progress) = received {
                 let Progress { process, service, answered } = &*progress;
-                self.lanes.iter_mut().for_each(|lane| lane.answers.answered(process.as_str(), service.as_str(), *answered));
+                let answers = self.lanes.iter_mut().flat_map(Lane::answers);
+                answers.for_each(|answers| answers.answered(process.as_str(), service.as_str(), *answered));
             }
         }
         while let Some(received) = self.statuses.take()? {
             if let Received::Message(status) = received {
                 for process in status.processes().iter().filter(|it| it.is_over()) {
-                    self.lanes.iter_mut().for_each(|lane| lane.answers.over(process.process.as_str()));
+                    self.lanes.iter_mut().flat_map(Lane::answers).for_each(|answers| answers.over(process.process.as_str()));
                 }
             }
         }
@@ -255,7 +262,7 @@ impl Playback {
                 Turn::Of(lane) => lane,
                 Turn::Hold => return Ok(Next::Wait),
                 Turn::Over => {
-                    let is_complete = self.lanes.iter().all(|lane| lane.answers.are_complete(lane.last.0));
+                    let is_complete = self.lanes.iter().all(Lane::is_complete);
                     return Ok(if is_complete { Next::Finished } else { Next::Wait });
                 }
             };
@@ -288,8 +295,7 @@ impl Playback {
     /// Names the consumer that keeps the others waiting when that takes long.
     fn watch(&mut self) {
         let sent = self.lanes.iter().map(|lane| lane.sent).sum();
-        let blocked = self.lanes.iter().filter(|lane| lane.is_held());
-        let behind = blocked.filter_map(|lane| Some((lane.answers.behind(lane.last.0)?, lane)));
+        let behind = self.lanes.iter().filter_map(|lane| Some((lane.behind()?, lane)));
         let Some((Behind { name, answered, .. }, lane)) = behind.min_by_key(|(behind, _)| *behind).filter(|_| !self.paused) else {
             (self.blocked, self.waits_for) = (None, None);
             return;
@@ -358,15 +364,13 @@ mod tests {
 
     #[test]
     fn what_fti_lacks_after_a_kill_is_in_the_history() {
-        let text = "name = \"x\"\n[[process]]\nname = \"sbs\"\nrun = \"sbs\"\n[[process]]\nname = \"fti\"\nrun = \"fti\"\n\
-            [[process]]\nname = \"playback\"\nrun = \"playback\"\n";
-        let settings = Settings::parse("x.toml", text).unwrap();
-        let fti = |service: &str| consumers(&settings, service).into_iter().find(|consumer| consumer.name == "fti").unwrap();
-        for (service, window) in [(&CameraFrame::SERVICE, Replay::FRAMES.window), (&CameraMotion::SERVICE, Replay::SCANS.window)] {
-            let fti = fti(service.name);
-            assert_eq!(fti.reports_on, CameraMotion::SERVICE.name);
-            let lacking = u64::from(window) + fti.slack + Replay::SCANS.checkpoint;
-            assert!(lacking < CameraMotion::SERVICE.qos.history as u64, "{lacking} of {}", service.name);
+        let process = |name: &str| format!("[[process]]\nname = \"{name}\"\nrun = \"{name}\"\n");
+        let text = format!("name = \"x\"\n{}", ["std", "sbs", "fti", "playback"].map(process).concat());
+        let settings = Settings::parse("x.toml", &text).unwrap();
+        let [consumer] = consumers(&settings, CameraMotion::SERVICE.name).try_into().unwrap();
+        assert_eq!((consumer.name.as_str(), consumer.reports_on), ("fti", CameraMotion::SERVICE.name));
+        for ahead in [PICTURES_AHEAD_OF_FTI, Replay::SCANS.window] {
+            assert!(u64::from(ahead) + Replay::SCANS.checkpoint < CameraMotion::SERVICE.qos.history as u64);
         }
     }
 }

@@ -57,7 +57,7 @@ impl Pace {
         let consumers = |kinds: &[BuiltIn], reports_on| {
             let named = (0..).zip(kinds).flat_map(|(depth, kind)| settings.named(*kind).map(move |name| (depth, name)));
             let named = named.collect::<Vec<(u8, String)>>();
-            Answers::new(named.into_iter().map(|(depth, name)| Consumer { name, ends_itself: true, depth, reports_on, slack: 0 }))
+            Answers::new(named.into_iter().map(|(depth, name)| Consumer { name, ends_itself: true, depth, reports_on }))
         };
         let pictures: &[BuiltIn] = if settings.simulator.camera.provides == settings::Provides::Pictures { &[BuiltIn::Sbs] } else { &[] };
         Ok(Some(Self {
