@@ -194,8 +194,8 @@ impl Lane {
 
     /// The consumer that it waits for.
     pub(super) fn behind(&self) -> Option<Behind<'_>> {
-        let held = self.limits.iter().filter(|limit| !self.ended && !limit.has_room());
-        held.filter_map(|limit| limit.answers.behind(self.last.0)).min()
+        let full = self.limits.iter().filter(|limit| !self.ended && !limit.has_room());
+        full.filter_map(|limit| limit.answers.behind(self.last.0)).min()
     }
 
     fn has_room(&self) -> bool {
