@@ -20,7 +20,7 @@ use crate::status::{self, StatusArgs};
 use crate::topic::{self, TopicCommand};
 use crate::world::{self, WorldArgs};
 use crate::{exit, list, process, stop, top};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::MultiProgress;
 use std::path::PathBuf;
 
@@ -132,8 +132,8 @@ impl Command {
             Self::World(args) => world::world(args)?,
             Self::Check(args) => check::check(args)?,
             Self::Doctor(args) => return doctor::doctor(args),
-            Self::Completions(args) => generate::completions(args)?,
-            Self::Man(args) => generate::man(args)?,
+            Self::Completions(args) => generate::completions(args, Cli::command())?,
+            Self::Man(args) => generate::man(args, Cli::command())?,
             Self::Process { kind } => process::process(kind)?,
             Self::Guard { directory } => supervisor::guard(directory)?,
         }
@@ -144,7 +144,6 @@ impl Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_sound() {

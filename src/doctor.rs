@@ -1,11 +1,13 @@
 //! `stillmap doctor`: whether this computer can run a deployment, and what to do if not.
 
 mod checks;
+mod finding;
 
 use crate::check::{self, missing_devices, missing_programs};
 use crate::{built_in, exit, output};
 use checks::{clock, devices, disk, kernel, logout, open_files, runtime_folder, shared_memory};
 use clap::Args;
+use finding::Finding;
 use messages::printable;
 use settings::Settings;
 use std::path::PathBuf;
@@ -16,17 +18,6 @@ pub(crate) struct DoctorArgs {
     /// The settings file of the deployment that is to run. Without it, the needs of the demo are checked, and all devices
     #[arg(value_name = "FILE")]
     settings: Option<PathBuf>,
-}
-
-/// What one check has found.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Finding {
-    /// Nothing to do.
-    Well(String),
-    /// A run is possible, and something may go wrong.
-    Doubtful { found: String, remedy: String },
-    /// A run is not possible.
-    Fault { found: String, remedy: String },
 }
 
 /// Prints what is found; the exit code.

@@ -1,9 +1,8 @@
 //! `stillmap completions` and `stillmap man`: files for shells and manuals, from the definition of the command line.
 
-use crate::cli::Cli;
 use crate::drive::lock_folder;
 use crate::output;
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 use std::path::PathBuf;
 
@@ -24,28 +23,30 @@ pub(crate) struct ManArgs {
 }
 
 /// Prints the completions of a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> anyhow::Result<()> {
+pub(crate) fn completions(args: &CompletionsArgs, mut command: Command) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "stillmap", &mut script);
+    clap_complete::generate(args.shell, &mut command, "stillmap", &mut script);
     output::write(&String::from_utf8(script)?)?;
     Ok(())
 }
 
 /// Writes a page for the command and one for each subcommand.
-pub(crate) fn man(args: &ManArgs) -> anyhow::Result<()> {
+pub(crate) fn man(args: &ManArgs, command: Command) -> anyhow::Result<()> {
     let _locked = lock_folder(&args.out)?;
-    clap_mangen::generate_to(Cli::command(), &args.out)?;
+    clap_mangen::generate_to(command, &args.out)?;
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::Cli;
+    use clap::CommandFactory;
 
     #[test]
     fn every_visible_subcommand_has_a_page() {
         let folder = tempfile::tempdir().unwrap();
-        man(&ManArgs { out: folder.path().to_owned() }).unwrap();
+        man(&ManArgs { out: folder.path().to_owned() }, Cli::command()).unwrap();
         let visible =
             Cli::command().get_subcommands().filter(|it| !it.is_hide_set()).map(|it| it.get_name().to_owned()).collect::<Vec<_>>();
         assert!(visible.len() > 15);

@@ -1,6 +1,6 @@
 //! One function for each thing that a deployment needs of its computer.
 
-use super::Finding;
+use super::finding::Finding;
 use crate::running::user_name;
 use bus::RunningDomain;
 use rustix::fs::{Access, access, statvfs};

@@ -306,6 +306,19 @@ impl ProcessStatus {
     pub fn is_over(&self) -> bool {
         [ProcessState::Finished, ProcessState::Failed].map(|state| state as u32).contains(&self.state)
     }
+
+    /// Whether it has died and does not work again yet, or is about to work for the first time.
+    ///
+    /// ```
+    /// use stillmap_messages::{ProcessState, ProcessStatus};
+    ///
+    /// let status = ProcessStatus { state: ProcessState::Backoff as u32, ..ProcessStatus::default() };
+    /// assert!(status.is_starting());
+    /// ```
+    #[must_use]
+    pub fn is_starting(&self) -> bool {
+        [ProcessState::Starting, ProcessState::Backoff].map(|state| state as u32).contains(&self.state)
+    }
 }
 
 impl DeploymentStatus {

@@ -4,7 +4,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 use bus::{BusError, DomainError, FrameReader, FrameWriter, Injection, Membership, MembershipError, Ports, Reader, Received, Tap, Writer};
-use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, Progress, Text};
+use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, ProcessStatus, Progress, Text};
 
 use crate::checkpoint::{Checkpoint, SaveError};
 use crate::signals::Signals;
@@ -282,23 +282,27 @@ impl Shell {
     }
 
     /// Keeps what was published until no consumer needs it any more, or the supervisor asks to stop. A source has been asked once before; one
-    /// that has come to its end by itself ends the run with that.
+    /// that has come to its end by itself ends the run with that. A process that starts again then, such as a recorder that was killed,
+    /// still reads what it lacks.
     fn linger(&mut self) -> Result<(), RunError> {
         let asked = self.signals.count();
         if self.consumers.is_empty() || self.is_source != (asked > 0) {
             return Ok(());
         }
         let mut statuses = self.ports.uncounted_reader::<DeploymentStatus>()?;
+        let mut one_starts = false;
         while self.signals.count() == asked {
             while let Some(received) = statuses.take()? {
                 let Received::Message(status) = received else { continue };
+                one_starts = status.processes().iter().any(ProcessStatus::is_starting);
                 let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
                 self.consumers.retain(|name| !is_over(name));
             }
-            if self.consumers.is_empty() {
+            if self.consumers.is_empty() && !one_starts {
                 break;
             }
-            self.report.note = Text::new(&format!("has ended, stays for {}", self.consumers.join(", ")));
+            let awaited = if self.consumers.is_empty() { "a restart".to_owned() } else { self.consumers.join(", ") };
+            self.report.note = Text::new(&format!("has ended, stays for {awaited}"));
             self.publish_progress()?;
             self.beat(Phase::Ending)?;
             self.ports.refresh();

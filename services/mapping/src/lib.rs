@@ -40,6 +40,7 @@ mod placed;
 #[cfg(test)]
 mod reference;
 mod robot_path;
+mod saved;
 mod sensor_model;
 mod state;
 mod tuning;
@@ -48,6 +49,6 @@ pub use files::{WriteError, write_files};
 pub use mapper::{Counts, Input, Mapper, Refused};
 pub use occupied::{OCCUPIED, is_occupied};
 pub use parameters::{CommitRule, Fades, Parameters, ParametersError, PoseRule, SensorParameters, TuningParameters};
-pub use state::StateError;
+pub use saved::StateError;
 
 const _: () = assert!(geometry::TILE_EDGE == messages::TILE_EDGE);

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::committed::Committed;
 use crate::localised::{Localised, MAX_STRETCHES, Rendering};
-use crate::state::{SavedPath, StateError, error, require};
+use crate::saved::{SavedPath, StateError, error, require};
 
 #[derive(Serialize, Deserialize, Schema)]
 pub(crate) struct SavedLocalised<'a> {

@@ -1,6 +1,6 @@
 //! The residuals of the graph and their derivatives.
 
-use super::solve::{Layout, Sonars, Span};
+use super::layout::{Layout, Sonars, Span};
 use super::{Closure, Estimate, Graph, Line, Model};
 use crate::envelope::Envelope;
 use crate::parameters::RightAngles;

@@ -4,16 +4,18 @@
 //! drive takes a copy.
 
 mod factors;
+mod layout;
 mod line;
 mod merge;
 mod node;
 mod solve;
 
 pub(crate) use factors::{closure_square, is_confirmed};
+pub(crate) use layout::Span;
 pub(crate) use line::{Echo, Line, NO_LINE};
 pub(crate) use merge::merge;
 pub(crate) use node::{Calibration, Node, Step};
-pub(crate) use solve::{Solver, Span, anchor};
+pub(crate) use solve::{Solver, anchor};
 
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};

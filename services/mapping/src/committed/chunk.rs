@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use state::{Packed, decode_part, encode_part};
 
 use super::{Committed, ReadingFlags, SCANS_PER_CHUNK, StoredReading, StoredScan};
-use crate::state::{StateError, error, pose, require};
+use crate::saved::{StateError, error, pose, require};
 
 /// Longest range of a reading that is valid, m.
 const LONGEST_M: f64 = 10.0;

@@ -6,8 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use simulator::Timetable;
 
 use super::floor::{Floor, PERSON_M};
-use super::people::STEP_S;
-use super::plan::{Goal, Person, Spot};
+use super::plan::{Goal, Person, STEP_S, Spot};
 
 /// Change of the robot's heading that makes a corner of the path, rad.
 const CORNER_RAD: f64 = 0.2;

@@ -8,12 +8,10 @@ use simulator::{Timetable, World};
 
 use super::convoy;
 use super::floor::{Floor, PERSON_M, length_m};
-use super::plan::{Goal, Person, Plan, Spot};
+use super::plan::{Goal, Person, Plan, STEP_S, Spot};
 
 /// Nearest that a walker comes to the robot, m: 0.25 m for the robot, 0.3 m for the walker.
 const APART_M: f64 = 0.55;
-/// Time from one comparison of a path with the robot's to the next, s.
-pub(super) const STEP_S: f64 = 0.25;
 /// Walking speeds of people in buildings, m/s.
 const SPEED_M_S: std::ops::Range<f64> = 0.6..1.4;
 /// Most tries for one person.

@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+/// Time from one comparison of a path with the robot's to the next, s.
+pub(super) const STEP_S: f64 = 0.25;
+
 /// A place in the world's frame, m.
 pub(super) type Spot = [f64; 2];
 
