@@ -290,7 +290,8 @@ impl Shell {
             return Ok(());
         }
         let mut statuses = self.ports.uncounted_reader::<DeploymentStatus>()?;
-        let mut one_starts = false;
+        // The supervisor tells the end of a consumer and the death of a reader one after the other.
+        let (mut one_starts, mut needed) = (false, Instant::now());
         while self.signals.count() == asked {
             while let Some(received) = statuses.take()? {
                 let Received::Message(status) = received else { continue };
@@ -298,7 +299,9 @@ impl Shell {
                 let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
                 self.consumers.retain(|name| !is_over(name));
             }
-            if self.consumers.is_empty() && !one_starts {
+            if !self.consumers.is_empty() || one_starts {
+                needed = Instant::now();
+            } else if needed.elapsed() >= LINGER {
                 break;
             }
             let awaited = if self.consumers.is_empty() { "a restart".to_owned() } else { self.consumers.join(", ") };
@@ -306,7 +309,7 @@ impl Shell {
             self.publish_progress()?;
             self.beat(Phase::Ending)?;
             self.ports.refresh();
-            self.wait(&[], HEARTBEAT)?;
+            self.wait(&[], LINGER)?;
         }
         Ok(())
     }
