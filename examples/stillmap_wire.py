@@ -11,6 +11,7 @@ class Kind:
     DATA = 0  # A payload.
     END = 1  # The stream ends after `seq`; the payload is all zero.
     GAP = 2  # Message `seq` was dropped on purpose: a consumer in lockstep does not wait for it. The payload is all zero.
+    SKIPPED = 3  # The sender left message `seq` out because a newer one waited: readers do not count it as lost. The payload is all zero.
 
 
 class PixelFormat:

@@ -13,7 +13,7 @@ use crate::error::{BusError, DomainError};
 use crate::fabric::{Channel, Fabric};
 use crate::locks::{is_current, is_free, open_lock_file, take_lock, wait_until_deserted};
 use crate::membership::Membership;
-use crate::memory::{FOR_THE_SERVICES, check_free, needed_memory};
+use crate::memory::{FOR_THE_SERVICES, check_free};
 use crate::paths::{DomainPaths, ignore_missing, make_private, names, runtime_dir, volatile_state};
 use crate::ports::{Ports, Presence};
 use crate::reader::Reader;
@@ -215,12 +215,12 @@ impl Domain {
         sign(&self.lock, &self.run).map_err(io)
     }
 
-    /// Fails if shared memory has no room for a deployment of so many processes whose pictures have at most `picture_bytes` bytes.
+    /// Fails if shared memory has no room for a deployment that needs so many bytes ([`needed_memory`](crate::needed_memory)).
     ///
     /// # Errors
     /// The room, and what is needed.
-    pub fn check_memory(&self, processes: usize, picture_bytes: usize) -> Result<(), DomainError> {
-        check_free(needed_memory(processes, picture_bytes))
+    pub fn check_memory(&self, needed: u64) -> Result<(), DomainError> {
+        check_free(needed)
     }
 
     /// Keeps what this process has open on the bus from the programs that it starts: iceoryx2 does not. To be called before each start.

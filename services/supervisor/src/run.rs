@@ -26,7 +26,7 @@ use crate::service::ServiceManager;
 use crate::vitals::{MachineUnits, Vitals};
 use crate::watch::{Watch, free_mb};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
-use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Text};
+use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Service, Text};
 use runtime::{PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
@@ -116,7 +116,7 @@ struct Prepared {
 
 impl Prepared {
     fn new(domain: &mut Domain, settings: &Settings, text: &str) -> Result<Self, RunError> {
-        domain.check_memory(settings.process.len(), largest_picture(settings))?;
+        domain.check_memory(needed_memory(settings))?;
         let settings_path = domain.directory().join("settings.toml");
         write_settings(&settings_path, text)?;
         let clock = domain.membership_for(SUPERVISOR, 0, &settings_path).clock();
@@ -127,7 +127,14 @@ impl Prepared {
 /// Shared memory that a deployment takes while its processes keep up, bytes.
 #[must_use]
 pub fn needed_memory(settings: &Settings) -> u64 {
-    bus::needed_memory(settings.process.len(), largest_picture(settings))
+    bus::needed_memory(settings.process.len(), largest_picture(settings), &|service| is_sent(settings, service))
+}
+
+/// Whether a process of the deployment may send this: a built-in one, or a command in place of one.
+fn is_sent(settings: &Settings, service: &Service) -> bool {
+    let runs = |sender: &str| BuiltIn::ALL.into_iter().find(|kind| kind.word() == sender).is_none_or(|kind| settings.runs(kind));
+    let has_command = settings.process.iter().any(|process| matches!(process.program, Program::Command(_)));
+    has_command || service.from.iter().any(|sender| runs(sender))
 }
 
 /// Bytes of the largest pictures: those of the camera as its settings have them, in colour, or else those that a simulation makes, in
