@@ -38,7 +38,7 @@ pub(crate) fn check_free(needed: u64) -> Result<(), DomainError> {
 /// demo took 4.9 MB of the 9.6 MB that this is for its eight processes and pictures of 160 × 120 pixels.
 ///
 /// ```
-/// let is_sent = |service: &stillmap_messages::Service| service.from != ["localisation"];
+/// let is_sent = |service: &messages::Service| service.from != ["localisation"];
 /// let demo = stillmap_bus::needed_memory(8, 160 * 120, &is_sent);
 /// assert!(demo < 10_000_000 && stillmap_bus::needed_memory(8, 640 * 480 * 3, &is_sent) > demo);
 /// ```
