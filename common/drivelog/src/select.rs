@@ -20,10 +20,10 @@ pub struct Selection {
     pub topics: Vec<String>,
 }
 
-/// Copies a selection of the log `from`, with the parts that follow it, into the new file `to`, as [`recover`](crate::recover) does.
+/// Copies a selection of the log `from`, with the parts that follow it, into the new file `to`, as [`recover`](fn@crate::recover) does.
 ///
 /// # Errors
-/// As [`recover`](crate::recover), and when the log has no message of a named topic.
+/// As [`recover`](fn@crate::recover), and when the log has no message of a named topic.
 pub fn select(from: &Path, selection: &Selection, to: &Path) -> Result<Recovered, LogError> {
     let mut log = Log::open(from)?;
     let mut file = File::create_new(to).map_err(LogError::at(to))?;
