@@ -16,6 +16,7 @@ mod journal;
 mod observer;
 mod recent;
 mod run_state;
+mod settling;
 mod shell;
 mod signals;
 
@@ -26,5 +27,6 @@ pub use journal::PartKey;
 pub use observer::Observer;
 pub use recent::Recent;
 pub use run_state::{PersistedState, RunState};
+pub use settling::Settling;
 pub use shell::{Context, Next, Process, RunError, Shell, StepError};
 pub use signals::Signals;

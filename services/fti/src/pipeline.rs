@@ -7,7 +7,7 @@ use crate::answer::{self, Verdict};
 use crate::evidence::Evidence;
 use crate::gating::{blobs, is_at_work, looks_at, robot_at};
 use crate::observe::SonarEcho;
-use crate::parameters::{Parameters, ParametersError};
+use crate::parameters::{Parameters, ParametersError, Patience};
 use crate::pending::{PendingReading, PendingScan};
 use crate::region::update_regions;
 use crate::streams::{Frame, Input, Streams, Waiting};
@@ -29,6 +29,8 @@ pub struct Fti {
     pub(crate) evidence: Evidence,
     /// Time and place of the robot at the last scan.
     pub(crate) last: Option<(u64, Pose)>,
+    /// No scan is overdue.
+    is_patient: bool,
 }
 
 impl Fti {
@@ -48,6 +50,7 @@ impl Fti {
             tracks: Tracks::default(),
             evidence: Evidence::new(cell),
             last: None,
+            is_patient: false,
             parameters,
         })
     }
@@ -68,7 +71,7 @@ impl Fti {
     /// Integrates the next scan if all that belongs to it is there or waited for no longer, and adds the verdicts that have
     /// become due; false when there is none. After the last scan everything that is pending is decided.
     pub fn advance(&mut self, verdicts: &mut Vec<Verdict>) -> bool {
-        if let Some((scan, frames)) = self.streams.next(self.parameters.patience, self.parameters.camera.is_some()) {
+        if let Some((scan, frames)) = self.streams.next(self.patience(), self.parameters.camera.is_some()) {
             self.integrate(&scan, &frames, verdicts);
             return true;
         }
@@ -76,6 +79,10 @@ impl Fti {
             self.decide_until(u64::MAX, verdicts);
         }
         false
+    }
+
+    fn patience(&self) -> Patience {
+        if self.is_patient { Patience::Endless } else { self.parameters.patience }
     }
 
     /// One scan and the frames since the last one, in the order of the paper: motion by both senses, correspondence, update
@@ -164,6 +171,12 @@ impl Fti {
             let Some(scan) = self.evidence.decide(&likelihoods) else { return };
             verdicts.push(Verdict::new(&self.parameters, self.cell, scan, likelihoods));
         }
+    }
+
+    /// While true, a scan waits for all that belongs to it, whatever the patience: after a restart, what was sent before can come in any
+    /// order.
+    pub fn be_patient(&mut self, patient: bool) {
+        self.is_patient = patient;
     }
 
     /// Takes streams that had ended to continue: the deployment was stopped and started again.

@@ -171,6 +171,27 @@ fn live_a_dead_camera_is_waited_for_no_longer_than_the_patience() {
 }
 
 #[test]
+fn after_a_restart_scans_wait_for_what_was_sent_before() {
+    let mut fti = Fti::new(Parameters { patience: Patience::Seconds(0.5), camera: None, ..Parameters::default() }).unwrap();
+    fti.be_patient(true);
+    for seq in 1..=60 {
+        assert!(fti.step(Input::Scan { seq, stamp_ns: seq * 100_000_000, scan: &scan_of(3.0) }).is_empty(), "scan {seq}");
+    }
+    let mut verdicts = Vec::new();
+    for seq in 1..=60 {
+        verdicts.extend(fti.step(Input::Sonar { seq, motion: &SonarMotion::default() }));
+    }
+    assert_eq!(verdicts.len(), 30, "all that a horizon of 3 s lets be decided");
+    assert!(verdicts.iter().all(|verdict| verdict.verdict.inputs == FilterVerdict::FROM_SONAR));
+    fti.step(Input::Scan { seq: 61, stamp_ns: 6_100_000_000, scan: &scan_of(3.0) });
+    fti.step(Input::Scan { seq: 62, stamp_ns: 6_700_000_000, scan: &scan_of(3.0) });
+    assert_eq!(fti.last_scan().map(|scan| scan.seq), Some(60));
+    fti.be_patient(false);
+    fti.step(Input::SonarPassed { seq: 60 });
+    assert_eq!(fti.last_scan().map(|scan| scan.seq), Some(61), "more than the patience before the newest");
+}
+
+#[test]
 fn the_last_scan_is_known_before_and_after_its_verdict() {
     for horizon_s in [0.0, 0.35, 3.0] {
         let parameters = Parameters { camera: None, horizon_s, ..Parameters::default() };

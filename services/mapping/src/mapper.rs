@@ -200,6 +200,8 @@ pub struct Counts {
 pub struct Mapper {
     pub(crate) integrator: Integrator,
     commit: CommitRule,
+    /// No deadline applies.
+    is_patient: bool,
     /// Occupied cells of the filtered layer with fewer occupied neighbours are published as free.
     lonely_below: usize,
     pub(crate) filtered: Layer,
@@ -228,6 +230,7 @@ impl Mapper {
         Ok(Self {
             integrator,
             commit: parameters.commit,
+            is_patient: false,
             lonely_below,
             filtered: Layer::new(cell, true, lonely_below),
             unfiltered: parameters.keep_unfiltered.then(|| Layer::new(cell, false, 0)),
@@ -242,6 +245,11 @@ impl Mapper {
             last: StreamCursor::default(),
             counts: Counts::default(),
         })
+    }
+
+    /// While true, verdicts and poses are waited for past their deadline: after a restart, what was sent before can come in any order.
+    pub fn be_patient(&mut self, patient: bool) {
+        self.is_patient = patient;
     }
 
     /// Takes one input. What it changes is shown after [`Self::refresh`].
@@ -395,8 +403,12 @@ impl Mapper {
     /// waited for.
     fn commit_due(&mut self, is_end: bool) {
         let (rule, now_ns) = (self.commit, self.last.stamp_ns);
-        let has_pose = |localised: &Option<Localised>, scan: &PendingScan| localised.as_ref().is_none_or(|it| it.has_pose(scan, now_ns));
-        while let Some(scan) = self.pending.pop_front_if(|scan| is_end || decided(rule, scan, now_ns) && has_pose(&self.localised, scan)) {
+        // At time 0 no scan has passed a deadline.
+        let for_deadlines_ns = if self.is_patient { 0 } else { now_ns };
+        let is_due = |localised: &Option<Localised>, scan: &PendingScan| {
+            is_decided(rule, scan, now_ns, for_deadlines_ns) && localised.as_ref().is_none_or(|it| it.has_pose(scan, for_deadlines_ns))
+        };
+        while let Some(scan) = self.pending.pop_front_if(|scan| is_end || is_due(&self.localised, scan)) {
             self.integrate(&scan);
             let readings = scan.scan.readings().len() as u64;
             self.counts.scans += 1;
@@ -567,12 +579,12 @@ impl Mapper {
     }
 }
 
-/// Whether a pending scan is decided at sensor time `now_ns`.
-fn decided(rule: CommitRule, scan: &PendingScan, now_ns: u64) -> bool {
-    let is_past = |after_ns: u64| now_ns >= scan.stamp_ns.saturating_add(after_ns);
+/// Whether a pending scan is decided at sensor time `now_ns`, which for deadlines is `for_deadlines_ns`.
+fn is_decided(rule: CommitRule, scan: &PendingScan, now_ns: u64, for_deadlines_ns: u64) -> bool {
+    let is_past = |now_ns: u64, after_ns: u64| now_ns >= scan.stamp_ns.saturating_add(after_ns);
     match rule {
-        CommitRule::Horizon { horizon_ns } => is_past(horizon_ns),
+        CommitRule::Horizon { horizon_ns } => is_past(now_ns, horizon_ns),
         CommitRule::Verdict => scan.decision.is_some(),
-        CommitRule::VerdictOrDeadline { deadline_ns } => scan.decision.is_some() || is_past(deadline_ns),
+        CommitRule::VerdictOrDeadline { deadline_ns } => scan.decision.is_some() || is_past(for_deadlines_ns, deadline_ns),
     }
 }

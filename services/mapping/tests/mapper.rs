@@ -142,6 +142,24 @@ fn at_sensor_pace_a_missing_verdict_means_keep_and_is_counted() {
 }
 
 #[test]
+fn after_a_restart_scans_wait_for_verdicts_of_before() {
+    let deadline = CommitRule::VerdictOrDeadline { deadline_ns: 4 * SECOND_NS };
+    let mut mapper = mapper(&Parameters { commit: deadline, ..Parameters::default() });
+    mapper.be_patient(true);
+    for seq in 1..=10 {
+        mapper.step(Input::Scan { seq, stamp_ns: seq * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    }
+    assert_eq!(mapper.counts().scans, 0);
+    for seq in 1..=4 {
+        mapper.step(Input::Verdict { seq, verdict: &verdict(1) }).unwrap();
+    }
+    assert_eq!((mapper.counts().withheld, mapper.counts().undecided), (4, 0));
+    mapper.be_patient(false);
+    mapper.step(Input::Scan { seq: 11, stamp_ns: 11 * SECOND_NS, scan: &echo_ahead(1.0) }).unwrap();
+    assert_eq!((mapper.counts().scans, mapper.counts().undecided), (7, 3), "scans 5 to 7 are past the deadline");
+}
+
+#[test]
 fn in_lockstep_a_verdict_is_waited_for() {
     let mut mapper = lockstep_with_verdicts();
     mapper.step(Input::Scan { seq: 1, stamp_ns: 0, scan: &echo_ahead(1.0) }).unwrap();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bus::{BusError, Reader, Received, Writer};
 use messages::{CameraMotion, FilterVerdict, Payload, Service, SonarMotion, SonarScan, StreamCursor, VerdictOutlook, Walkers, seconds};
-use runtime::{Answers, Checkpoint, Context, Fold, Next, PartKey, Parts, Recent, RunError, Shell, Snapshot, StepError, run_fold};
+use runtime::{Answers, Checkpoint, Context, Fold, Next, PartKey, Parts, Recent, RunError, Settling, Shell, Snapshot, StepError, run_fold};
 use serde::{Deserialize, Serialize};
 use settings::{BuiltIn, Pace, Settings};
 use state::{Schema, encode, take};
@@ -83,6 +83,7 @@ struct Integration {
     walkers: Writer<Walkers>,
     outlook: Writer<VerdictOutlook>,
     received: Cursors,
+    settling: Settling,
     /// Last motion of the camera that the checkpoint includes.
     saved_camera: u64,
     /// Memory of the head of the last checkpoint, which the next one reuses.
@@ -106,6 +107,9 @@ impl Fold for Integration {
     fn take(&mut self) -> Result<bool, StepError> {
         let taken = self.take_camera()? || self.take_sonar()? || self.take_scan()?;
         self.news |= taken;
+        if self.settling.is_over_now() {
+            self.fti.be_patient(false);
+        }
         self.advance()?;
         Ok(taken)
     }
@@ -191,13 +195,14 @@ impl Integration {
         let parameters = parameters(settings, speed);
         let with_camera = parameters.camera.is_some();
         let restored = checkpoint.restore(|saved| restore(parameters.clone(), saved));
-        let (fti, received, recent) = match restored {
+        let (mut fti, received, recent) = match restored {
             Some(restored) => restored,
             None => (Fti::new(parameters)?, Cursors::default(), Recent::default()),
         };
         if received.scan.seq > 0 {
             tracing::info!("resumes after scan {}", received.scan.seq);
         }
+        fti.be_patient(true);
         let verdicts = Answers::new(shell, recent)?;
         let scans = reader_after(shell, received.scan)?;
         let sonar = reader_after(shell, received.sonar)?;
@@ -210,6 +215,7 @@ impl Integration {
             walkers: shell.writer()?,
             outlook: shell.writer()?,
             received,
+            settling: Settling::begin(),
             saved_camera: received.camera.seq,
             buffer: Vec::new(),
             lockstep: settings.pace == Pace::Lockstep,

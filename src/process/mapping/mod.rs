@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use bus::{BusError, Episode, Reader, Received, Writer};
 use messages::{FilterVerdict, Layer, MapSummary, MapTile, Payload, Service, SonarScan, StreamCursor, VerdictOutlook, WayChunk};
-use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Shell, StepError, run_fold};
+use runtime::{Checkpoint, Context, Fold, Next, PartKey, Parts, RunError, Settling, Shell, StepError, run_fold};
 use settings::{BuiltIn, Pace, Settings};
 
 use ::mapping::export::{MapCopy, MapFiles};
@@ -70,6 +70,7 @@ struct Verdicts {
 
 struct Mapping {
     mapper: Mapper,
+    settling: Settling,
     scans: Reader<SonarScan>,
     verdicts: Option<Verdicts>,
     /// `None` where odometry is exact.
@@ -107,6 +108,9 @@ impl Fold for Mapping {
     fn take(&mut self) -> Result<bool, StepError> {
         let taken = self.take_scan()? | self.take_estimate()? | self.take_verdict()?;
         self.news |= taken;
+        if self.settling.is_over_now() {
+            self.mapper.be_patient(false);
+        }
         Ok(taken)
     }
 
@@ -193,7 +197,8 @@ impl Mapping {
         let speed = shell.membership().speed();
         let empty = Mapper::new(&parameters(settings, speed))?;
         let restored = checkpoint.restore(|saved| empty.clone().restore(saved.state, saved.parts.iter().map(|(key, part)| (*key, *part))));
-        let mapper = restored.unwrap_or(empty);
+        let mut mapper = restored.unwrap_or(empty);
+        mapper.be_patient(true);
         let mut scans = shell.reader::<SonarScan>()?;
         let StreamCursor { seq, stamp_ns } = mapper.last_scan();
         if seq > 0 {
@@ -208,6 +213,7 @@ impl Mapping {
         }
         let estimates = if settings.runs(BuiltIn::Localisation) { Some(Estimates::open(shell, &mapper)?) } else { None };
         Ok(Self {
+            settling: Settling::begin(),
             scans,
             verdicts,
             estimates,
