@@ -70,8 +70,13 @@ fn read_settings(path: &Path) -> anyhow::Result<String> {
     }
 }
 
-/// The recorded deployment with playback in place of its drivers. It records nothing and injects no fault, and its viewer has the
-/// default settings: a log from elsewhere must not open the page to a network.
+/// Whether a replay runs this process as the recorded deployment did. SBS needs pictures beside.
+pub(crate) fn is_replayed(kind: BuiltIn) -> bool {
+    matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation)
+}
+
+/// The recorded deployment with playback in place of its drivers. It records nothing and injects no fault, starts no program, and its
+/// viewer has the default settings: a log from elsewhere must not open the page to a network.
 fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Result<Settings> {
     settings.name = unique_name("replay")?;
     settings.out = PathBuf::from("replay-out");
@@ -83,12 +88,13 @@ fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Resul
     settings.viewer = Viewer::default();
     settings.injector = Injector::default();
     settings.fault.clear();
+    settings.supervisor.on_event.clear();
     // Without pictures in the log, playback publishes the recorded motion of the camera.
     let has_pictures = settings.recorder.pictures;
     let has_motion = settings.expects_camera_motion();
     settings.process.retain(|process| match &process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_pictures,
-        Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti | BuiltIn::Localisation),
+        Program::BuiltIn(kind) => is_replayed(*kind),
         Program::Command(command) => {
             tracing::warn!("process {} is left out: {} may be a driver, which playback replaces", process.name, command.join(" "));
             false
@@ -123,15 +129,17 @@ mod tests {
     }
 
     #[test]
-    fn faults_and_viewer_settings_of_a_log_are_ignored() {
+    fn faults_programs_and_viewer_of_a_log_are_ignored() {
         let more = "[[process]]\nname = \"faults\"\nrun = \"injector\"\n[[fault]]\nprocess = \"std\"\nkind = \"kill\"\n
             [[fault]]\nservice = \"robot/scan\"\nkind = \"drop\"\n";
         let viewer = "[viewer]\naddress = \"0.0.0.0\"\ntoken = \"known-to-strangers\"";
         let demo = include_str!("../config/demo.toml").replace("[robot]", &format!("{more}[robot]"));
-        let recorded = Settings::parse("demo.toml", &demo.replace("[viewer]\naddress = \"127.0.0.1\"", viewer)).unwrap();
+        let mut recorded = Settings::parse("demo.toml", &demo.replace("[viewer]\naddress = \"127.0.0.1\"", viewer)).unwrap();
+        recorded.supervisor.on_event = vec!["sh".into(), "-c".into(), "a program of strangers".into()];
         assert!(!recorded.viewer.address.get().is_loopback() && recorded.routed_services().len() == 1);
         let replay = deployment(recorded, "/logs/drive.mcap".into(), Pace::Live).unwrap();
         assert_eq!((replay.viewer.clone(), replay.fault.len(), replay.routed_services().len()), (Viewer::default(), 0, 0));
+        assert!(replay.supervisor.on_event.is_empty());
         replay.check().unwrap();
     }
 

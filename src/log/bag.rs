@@ -4,7 +4,7 @@
 use crate::exit::BadInput;
 use crate::output;
 use crate::process::robot::sonars;
-use crate::replay::recorded_settings;
+use crate::replay::{is_replayed, recorded_settings};
 use drivelog::{Log, Preamble};
 use messages::Pose;
 use ros2::{Bag, CameraFound, Sensors, SonarFound, Survey};
@@ -109,11 +109,12 @@ fn deployment(survey: &Survey, given: Option<Settings>, mounts: &[Pose]) -> anyh
     let has_camera = survey.camera.is_some();
     settings.process.retain(|process| match process.program {
         Program::BuiltIn(BuiltIn::Sbs) => has_camera,
-        Program::BuiltIn(kind) => matches!(kind, BuiltIn::Mapping | BuiltIn::Std | BuiltIn::Fti),
+        Program::BuiltIn(kind) => is_replayed(kind),
         Program::Command(_) => false,
     });
     settings.process.push(Process::built_in(BuiltIn::Playback));
     settings.fault.clear();
+    settings.supervisor.on_event.clear();
     settings.recorder.pictures = has_camera;
     settings.playback.camera_motion = false;
     if mounts != sonars(&settings.robot) {
