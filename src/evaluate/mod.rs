@@ -3,6 +3,7 @@
 mod camera;
 mod chain;
 mod comparison;
+mod localisation;
 mod recording;
 mod report;
 mod sweep;
@@ -40,6 +41,15 @@ Columns of the table, which has a row for each world and number of walkers:
             geometric mean of both.
   STD       Motion detection by sonar: precision and recall over the echoes of walkers, and
             false alarms per minute.
+
+Columns of the second table, which --odometry adds; means over the drives of a row:
+  path      Length of the true path.
+  F1        Of the map by true poses, by odometry alone, by localisation's poses as scans enter
+            the map, and by its final poses, with the final F1 of the worst drive. Verdicts are
+            the same.
+  ATE       Absolute trajectory error: root mean square distance of the poses from the true ones
+            after a rigid alignment, by odometry, at commit, at the end, and of the worst drive.
+  closures  Places recognised.
 
 Without --world and --random, RUN is the log of a simulated deployment: the truth is read from it.";
 

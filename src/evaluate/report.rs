@@ -1,6 +1,6 @@
 //! The scores of drives.
 
-use evaluate::{Causes, Detection, Ghosts, Score, Tally, Trial};
+use evaluate::{Causes, Detection, Ghosts, LocalisationScore, Score, Tally, Trial};
 use serde::Serialize;
 
 /// The scores of several drives.
@@ -20,6 +20,9 @@ pub(crate) struct Row {
     pub(super) walkers: Option<u32>,
     #[serde(flatten)]
     pub(super) figures: Figures,
+    /// `None` where localisation does not run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) localisation: Option<LocalisationScore>,
     #[serde(skip)]
     counts: Counts,
 }
@@ -94,7 +97,11 @@ impl Counts {
 impl Row {
     pub(crate) fn new(run: String, seed: Option<u64>, walkers: Option<u32>, trial: &Trial) -> Self {
         let counts = Counts::of(trial);
-        Self { run, seed, walkers, figures: counts.figures(), counts }
+        Self { run, seed, walkers, figures: counts.figures(), localisation: None, counts }
+    }
+
+    pub(super) fn with(self, localisation: Option<LocalisationScore>) -> Self {
+        Self { localisation, ..self }
     }
 }
 

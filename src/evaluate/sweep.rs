@@ -9,11 +9,13 @@ use crate::process::simulator::optics;
 use crate::process::{robot, sbs};
 use crate::{built_in, progress, world};
 use clap::{Args, ValueEnum};
-use evaluate::{CameraSetup, Setup, Variation, in_parallel, read_world};
+use evaluate::{CameraSetup, Driven, Setup, Variation, in_parallel, read_world};
 use indicatif::MultiProgress;
 use settings::{Action, BuiltIn, Cue, FtiMethod, MovingCell, Process, Settings};
 use simulator::CalibrationError;
 use simulator::camera::Flaws;
+use simulator::quantity::{ErrorShare, HeadingWander};
+use simulator::world::OdometryError;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Clone, Args)]
@@ -49,6 +51,10 @@ pub(crate) struct DriveArgs {
     /// Drive with sonars only
     #[arg(long, conflicts_with = "run")]
     pub(crate) no_camera: bool,
+    /// Give the robot's odometry these errors, and run localisation. The map is scored by localisation's final poses, and a second
+    /// table scores localisation
+    #[arg(long, value_enum, value_name = "ERRORS", conflicts_with = "run")]
+    pub(crate) odometry: Option<Odometry>,
     /// Settings file for robot, sensors, filter and map. The default is that of the demo
     #[arg(long, value_name = "FILE", conflicts_with = "run")]
     pub(crate) settings: Option<PathBuf>,
@@ -70,6 +76,38 @@ pub(crate) enum Method {
     Settings,
     /// The method of the paper as printed
     Paper,
+}
+
+/// Errors of odometry, as of a Pioneer with tyres that are worn and not calibrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Odometry {
+    /// Those of the world file
+    File,
+    /// None
+    Exact,
+    /// Distances 2 % too long, turns 4 % too large, a heading that wanders by 1.5°/√m
+    D15,
+    /// The same with a heading that wanders by 3°/√m
+    D30,
+}
+
+impl Odometry {
+    /// The errors; `None` for those of the file.
+    fn error(self) -> Option<OdometryError> {
+        let drifting = |wander_deg| {
+            Some(OdometryError {
+                distance_share: ErrorShare::new(0.02)?,
+                turn_share: ErrorShare::new(0.04)?,
+                wander_deg: HeadingWander::new(wander_deg)?,
+            })
+        };
+        match self {
+            Self::File => None,
+            Self::Exact => Some(OdometryError::default()),
+            Self::D15 => drifting(1.5),
+            Self::D30 => drifting(3.0),
+        }
+    }
 }
 
 /// A world with the text of its file.
@@ -129,6 +167,9 @@ fn drive_settings(options: &DriveArgs) -> anyhow::Result<Settings> {
     if !options.no_camera {
         settings.process.push(Process::built_in(BuiltIn::Sbs));
     }
+    if options.odometry.is_some() && !settings.runs(BuiltIn::Localisation) {
+        settings.process.push(Process::built_in(BuiltIn::Localisation));
+    }
     if options.method == Method::Paper {
         (settings.fti.method, settings.std.rule) = (FtiMethod::Paper, MovingCell::Paper);
         (settings.fti.paper.cue, settings.fti.paper.action) = (Cue::Paper, Action::Free);
@@ -169,14 +210,17 @@ fn drive(task: &Task<'_>, setup: &Setup, options: &DriveArgs) -> anyhow::Result<
         }
     };
     let variation = Variation { walkers: task.walkers.map(|walkers| walkers as usize), seed: task.seed, stand_s: options.stand };
-    let world = read_world(text, variation).map_err(|error| BadInput(format!("{name}: {error}")))?;
-    let trial = setup.run(&world, task.seed)?.trial;
+    let mut world = read_world(text, variation).map_err(|error| BadInput(format!("{name}: {error}")))?;
+    if let Some(error) = options.odometry.and_then(Odometry::error) {
+        world.odometry = error;
+    }
+    let Driven { trial, localisation, .. } = setup.run(&world, task.seed)?;
     if let Some(folder) = &options.out {
         let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let walkers = task.walkers.map_or_else(String::new, |walkers| format!("-{walkers}-walkers"));
         write_comparison(&folder.join(format!("{stem}{walkers}-seed-{}", task.seed)), &trial)?;
     }
-    Ok(Row::new(name.to_owned(), Some(task.seed), task.walkers, &trial))
+    Ok(Row::new(name.to_owned(), Some(task.seed), task.walkers, &trial).with(localisation))
 }
 
 fn standing(text: &str) -> Result<f64, String> {

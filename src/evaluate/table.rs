@@ -1,5 +1,6 @@
-//! The scores of drives as a table: a row for each world and number of walkers, and one for all.
+//! The scores of drives as tables: a row for each world and number of walkers, and one for all.
 
+use super::localisation;
 use super::report::{Figures, Report, Row, sum};
 use std::fmt::{Display, Formatter};
 
@@ -9,29 +10,31 @@ const GAP: &str = "  ";
 
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        let mut rows = vec![HEAD.map(str::to_owned)];
-        let groups = self.groups();
-        for (run, walkers) in &groups {
-            let of_group: Vec<&Row> = self.runs.iter().filter(|row| row.run == *run && row.walkers == *walkers).collect();
-            let walkers = walkers.map_or_else(|| "file".to_owned(), |walkers| walkers.to_string());
-            rows.push(line(run, &walkers, &of_group, &sum(of_group.iter().copied())));
-        }
-        if groups.len() > 1 {
-            rows.push(line("all", "", &self.runs.iter().collect::<Vec<_>>(), &self.total));
-        }
-        let widths: Vec<usize> =
-            (0..HEAD.len()).map(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0)).collect();
-        for row in &rows {
-            let cells = row.iter().zip(&widths).enumerate();
-            // Numbers are aligned to the right, the name of the world to the left.
-            let aligned = cells.map(|(column, (cell, &wide))| if column == 0 { format!("{cell:wide$}") } else { format!("{cell:>wide$}") });
-            writeln!(f, "{}", aligned.collect::<Vec<_>>().join(GAP))?;
+        write_table(f, self.table(HEAD, line))?;
+        if self.runs.iter().any(|row| row.localisation.is_some()) {
+            writeln!(f)?;
+            write_table(f, self.table(localisation::HEAD, localisation::line))?;
         }
         Ok(())
     }
 }
 
 impl Report {
+    /// The head, and below it what `line` says of the rows of each world and number of walkers, and of all.
+    fn table<const N: usize>(&self, head: [&str; N], line: fn(&str, &str, &[&Row]) -> [String; N]) -> Vec<[String; N]> {
+        let mut rows = vec![head.map(str::to_owned)];
+        let groups = self.groups();
+        for (run, walkers) in &groups {
+            let of_group: Vec<&Row> = self.runs.iter().filter(|row| row.run == *run && row.walkers == *walkers).collect();
+            let walkers = walkers.map_or_else(|| "file".to_owned(), |walkers| walkers.to_string());
+            rows.push(line(run, &walkers, &of_group));
+        }
+        if groups.len() > 1 {
+            rows.push(line("all", "", &self.runs.iter().collect::<Vec<_>>()));
+        }
+        rows
+    }
+
     /// Runs and numbers of walkers in the order of their first rows.
     fn groups(&self) -> Vec<(&str, Option<u32>)> {
         let mut groups: Vec<(&str, Option<u32>)> = Vec::new();
@@ -45,8 +48,19 @@ impl Report {
     }
 }
 
-fn line(run: &str, walkers: &str, rows: &[&Row], figures: &Figures) -> [String; HEAD.len()] {
-    let Figures { score, ghosts_before, ghosts_after, std, .. } = figures;
+/// Numbers are aligned to the right, the name of the world to the left.
+fn write_table<const N: usize>(f: &mut Formatter<'_>, rows: Vec<[String; N]>) -> std::fmt::Result {
+    let widths: Vec<usize> = (0..N).map(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0)).collect();
+    for row in &rows {
+        let cells = row.iter().zip(&widths).enumerate();
+        let aligned = cells.map(|(column, (cell, &wide))| if column == 0 { format!("{cell:wide$}") } else { format!("{cell:>wide$}") });
+        writeln!(f, "{}", aligned.collect::<Vec<_>>().join(GAP))?;
+    }
+    Ok(())
+}
+
+fn line(run: &str, walkers: &str, rows: &[&Row]) -> [String; HEAD.len()] {
+    let Figures { score, ghosts_before, ghosts_after, std, .. } = &sum(rows.iter().copied());
     [
         run.to_owned(),
         walkers.to_owned(),

@@ -53,8 +53,8 @@ impl Scene {
     }
 
     fn map(&self, settings: &Settings) -> String {
-        let chain =
-            Chain { std: std::parameters(settings), fti: fti::parameters(settings, 1.0), mapping: mapping::parameters(settings, 1.0) };
+        let (std, fti, mapping) = (std::parameters(settings), fti::parameters(settings, 1.0), mapping::parameters(settings, 1.0));
+        let chain = Chain { std, fti, mapping, localisation: None };
         let outcome = filter(&self.drive, &chain).unwrap();
         let mapper = mapped(&self.drive, &chain.mapping, &outcome.verdicts).unwrap();
         let published = MapCopy::of(&mapper);

@@ -17,6 +17,8 @@ pub struct Chain {
     pub fti: fti::Parameters,
     /// The mapper; its commit rule and layers are those that judging needs.
     pub mapping: mapping::Parameters,
+    /// Localisation; `None` where odometry is taken as exact.
+    pub localisation: Option<localisation::Parameters>,
 }
 
 /// What STD and FTI said of a drive.
@@ -32,7 +34,7 @@ pub struct Outcome {
     pub tracks_m: Vec<Vec<[f64; 2]>>,
 }
 
-/// Parameters that STD, FTI or the mapper refuse.
+/// Parameters that STD, FTI, localisation or the mapper refuse.
 #[derive(Debug, thiserror::Error)]
 pub enum FilterError {
     /// STD's.
@@ -41,6 +43,9 @@ pub enum FilterError {
     /// FTI's.
     #[error(transparent)]
     Fti(#[from] fti::ParametersError),
+    /// Localisation's.
+    #[error(transparent)]
+    Localisation(#[from] localisation::ParametersError),
     /// The mapper's.
     #[error(transparent)]
     Mapping(#[from] mapping::ParametersError),

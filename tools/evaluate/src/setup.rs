@@ -4,6 +4,7 @@ use simulator::{Body, Optics, World};
 
 use crate::drive::{CameraSetup, Drive};
 use crate::judge::{Chain, FilterError, Outcome, filter};
+use crate::localised::{LocalisationScore, Localised};
 use crate::trial::{Trial, reference};
 
 /// Robot, camera and algorithms of a simulated deployment.
@@ -15,7 +16,7 @@ pub struct Setup {
     pub range_limit_m: f64,
     /// The camera; `None` with sonars only.
     pub camera: Option<CameraSetup>,
-    /// STD, FTI and the mapper.
+    /// STD, FTI, localisation and the mapper.
     pub chain: Chain,
 }
 
@@ -26,8 +27,10 @@ pub struct Driven {
     pub drive: Drive,
     /// What STD and FTI answered.
     pub outcome: Outcome,
-    /// The score.
+    /// The score. Where localisation runs, it is that of the map by its final poses.
     pub trial: Trial,
+    /// The score of localisation, where it runs.
+    pub localisation: Option<LocalisationScore>,
 }
 
 impl Setup {
@@ -55,7 +58,14 @@ impl Setup {
         let outcome = filter(&drive, &self.chain)?;
         let empty = World { walkers: Vec::new(), ..world.clone() };
         let empty = Drive::through(&empty, &self.body, self.range_limit_m, None, seed);
-        let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, &self.chain.mapping)?), &self.chain)?;
-        Ok(Driven { drive, outcome, trial })
+        let Some(parameters) = self.chain.localisation else {
+            let trial = Trial::judge(&drive, &outcome, Some(&reference(&empty, &self.chain.mapping)?), &self.chain)?;
+            return Ok(Driven { drive, outcome, trial, localisation: None });
+        };
+        let localised = Localised::of(&drive, parameters)?;
+        let reference = reference(&empty.placed(&empty.true_poses()), &self.chain.mapping)?;
+        let trial = Trial::judge(&drive.placed(&localised.last), &outcome, Some(&reference), &self.chain)?;
+        let localisation = LocalisationScore::of(&drive, &localised, &outcome.verdicts, &self.chain.mapping)?;
+        Ok(Driven { drive, outcome, trial, localisation: Some(localisation) })
     }
 }
