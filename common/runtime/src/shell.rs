@@ -4,7 +4,9 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
 use bus::{BusError, DomainError, FrameReader, FrameWriter, Injection, Membership, MembershipError, Ports, Reader, Received, Tap, Writer};
-use messages::{Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, ProcessStatus, Progress, Text};
+use messages::{
+    Counter, DeploymentStatus, Heartbeat, MAX_COUNTERS, MAX_INPUTS, Payload, Phase, Pictures, ProcessStatus, Progress, Service, Text,
+};
 
 use crate::checkpoint::{Checkpoint, SaveError};
 use crate::signals::Signals;
@@ -101,6 +103,8 @@ pub struct Shell {
     save_error: SaveError,
     /// Processes that may need again what this one has said.
     consumers: Vec<String>,
+    /// Recorders, and the services of this process whose end each has not written.
+    unrecorded: Vec<(String, &'static str)>,
     /// It brings the world in: it has said all when it is asked to stop.
     is_source: bool,
 }
@@ -138,6 +142,7 @@ impl Shell {
             report: Report::default(),
             save_error: SaveError::default(),
             consumers: Vec::new(),
+            unrecorded: Vec::new(),
             is_source: false,
             membership,
         };
@@ -205,6 +210,14 @@ impl Shell {
     /// what it has said, and what a stream held dies with its sender.
     pub fn linger_until(&mut self, names: impl IntoIterator<Item = String>) {
         self.consumers.extend(names);
+    }
+
+    /// Has this process stay, once it has finished, until each of these recorders has the end of these services in its file, as
+    /// [`Context::answered_on`] tells, or is over. One that is killed before needs them again.
+    pub fn linger_until_recorded(&mut self, recorders: impl IntoIterator<Item = String>, services: &[Service]) {
+        for recorder in recorders {
+            self.unrecorded.extend(services.iter().map(|service| (recorder.clone(), service.name)));
+        }
     }
 
     /// Declares this process a source of what these read: once it has been asked to stop and has finished, it stays until they are
@@ -286,10 +299,11 @@ impl Shell {
     /// still reads what it lacks.
     fn linger(&mut self) -> Result<(), RunError> {
         let asked = self.signals.count();
-        if self.consumers.is_empty() || self.is_source != (asked > 0) {
+        if self.consumers.is_empty() && self.unrecorded.is_empty() || self.is_source != (asked > 0) {
             return Ok(());
         }
         let mut statuses = self.ports.uncounted_reader::<DeploymentStatus>()?;
+        let mut recorded = self.ports.uncounted_reader::<Progress>()?;
         // The supervisor tells the end of a consumer and the death of a reader one after the other.
         let (mut one_starts, mut needed) = (false, Instant::now());
         while self.signals.count() == asked {
@@ -298,13 +312,18 @@ impl Shell {
                 one_starts = status.processes().iter().any(ProcessStatus::is_starting);
                 let is_over = |name: &str| status.processes().iter().any(|it| it.process.as_str() == name && it.is_over());
                 self.consumers.retain(|name| !is_over(name));
+                self.unrecorded.retain(|(recorder, _)| !is_over(recorder));
             }
-            if !self.consumers.is_empty() || one_starts {
+            while let Some(received) = recorded.take()? {
+                let Received::Message(it) = received else { continue };
+                self.unrecorded.retain(|(recorder, service)| recorder != it.process.as_str() || *service != it.service.as_str());
+            }
+            if !self.consumers.is_empty() || !self.unrecorded.is_empty() || one_starts {
                 needed = Instant::now();
             } else if needed.elapsed() >= LINGER {
                 break;
             }
-            let awaited = if self.consumers.is_empty() { "a restart".to_owned() } else { self.consumers.join(", ") };
+            let awaited = self.awaited();
             self.report.note = Text::new(&format!("has ended, stays for {awaited}"));
             self.publish_progress()?;
             self.beat(Phase::Ending)?;
@@ -312,6 +331,14 @@ impl Shell {
             self.wait(&[], LINGER)?;
         }
         Ok(())
+    }
+
+    /// Whom a finished process stays for, in words.
+    fn awaited(&self) -> String {
+        let recorders = self.unrecorded.iter().map(|(recorder, _)| recorder);
+        let mut names: Vec<&str> = self.consumers.iter().chain(recorders).map(String::as_str).collect();
+        names.dedup();
+        if names.is_empty() { "a restart".to_owned() } else { names.join(", ") }
     }
 
     fn wait(&self, descriptors: &[BorrowedFd<'_>], patience: Duration) -> Result<(), RunError> {
@@ -417,7 +444,8 @@ impl Context<'_> {
         self.answered_on(P::SERVICE.name, seq);
     }
 
-    pub(crate) fn answered_on(&mut self, service: &'static str, seq: u64) {
+    /// As [`Context::answered`], for the service of this name. A recorder says so of every service whose end it has written.
+    pub fn answered_on(&mut self, service: &'static str, seq: u64) {
         let answers = &mut self.report.answers;
         match answers.iter_mut().find(|answer| answer.service == service) {
             Some(answer) => answer.seq = seq,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use bus::{Domain, Reader, Received, Writer};
-use messages::{DeploymentStatus, Heartbeat, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarScan, Text};
+use messages::{DeploymentStatus, Heartbeat, Payload, Phase, Pose, ProcessState, ProcessStatus, Progress, SonarMotion, SonarScan, Text};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillmap_runtime::{Context, Next, PersistedState, Process, RunState, Shell, StepError};
 
@@ -149,6 +149,39 @@ fn a_finished_process_lingers_until_its_consumers_are_over() {
     source.join().unwrap();
     drop((sink, reader, heartbeats, statuses));
     domain.close().unwrap();
+}
+
+#[test]
+fn a_finished_process_lingers_until_its_end_is_recorded() {
+    let mut domain = domain();
+    let mut heartbeats: Reader<Heartbeat> = domain.reader().unwrap();
+    let membership = domain.membership_for("source", 0, "settings.toml".as_ref());
+    let source = std::thread::spawn(move || {
+        let mut shell = Shell::join(membership).unwrap();
+        let mut sending = Sending(shell.writer().unwrap());
+        shell.linger_until_recorded(["recorder".to_owned()], &[SonarScan::SERVICE]);
+        shell.run(&mut sending).unwrap();
+    });
+    let mut recorder = shell(&domain, "recorder");
+    let mut progress: Writer<Progress> = recorder.writer().unwrap();
+    let mut beats = 0;
+    while beats < 3 {
+        while let Some(Received::Message(beat)) = heartbeats.take().unwrap() {
+            assert!(!source.is_finished(), "it has gone");
+            beats += u32::from(beat.phase == Phase::Ending as u32);
+        }
+        progress.send(1, 1, &Progress { service: Text::new(SonarMotion::SERVICE.name), ..written("recorder") }).unwrap();
+        progress.send(1, 1, &written("viewer")).unwrap();
+        attend(&domain);
+    }
+    progress.send(1, 1, &written("recorder")).unwrap();
+    source.join().unwrap();
+    drop((recorder, progress, heartbeats));
+    domain.close().unwrap();
+}
+
+fn written(process: &str) -> Progress {
+    Progress { process: Text::new(process), service: Text::new(SonarScan::SERVICE.name), answered: 3 }
 }
 
 #[test]

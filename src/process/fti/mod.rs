@@ -52,6 +52,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), FtiError> {
     let checkpoint = shell.checkpoint();
     let mut integration = Integration::new(&mut shell, &checkpoint, settings)?;
     shell.linger_until(settings.named(BuiltIn::Mapping));
+    shell.linger_until_recorded(settings.named(BuiltIn::Recorder), &[FilterVerdict::SERVICE]);
     Ok(run_fold(shell, checkpoint, &mut integration)?)
 }
 

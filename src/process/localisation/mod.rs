@@ -43,6 +43,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), LocalisationErro
         tracing::info!("resumes after scan {}", last.seq);
     }
     shell.linger_until(settings.named(BuiltIn::Mapping));
+    shell.linger_until_recorded(settings.named(BuiltIn::Recorder), &[RobotEstimate::SERVICE, TrajectoryRevision::SERVICE]);
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(last.seq, last.stamp_ns);
     let estimates = Answers::new(&mut shell, estimates)?;

@@ -68,6 +68,12 @@ impl Inputs {
         self.input(CameraFrame::SERVICE.name).map(|frames| frames.progress().last.seq)
     }
 
+    /// The services whose end was taken, and their last numbers.
+    pub(super) fn ended(&self) -> Vec<(&'static str, u64)> {
+        let ended = self.0.iter().filter(|input| input.progress().ended);
+        ended.map(|input| (input.service(), input.progress().last.seq)).collect()
+    }
+
     fn taken(&self, service: &str) -> u64 {
         self.input(service).map_or(0, |input| input.progress().taken)
     }
@@ -109,6 +115,8 @@ struct Progress {
     taken: u64,
     /// The last message taken; its number may be that of the end of the stream.
     last: StreamCursor,
+    /// The end was taken.
+    ended: bool,
 }
 
 impl Progress {
@@ -120,6 +128,7 @@ impl Progress {
     /// Messages before the end that were lost or refused do not come any more.
     fn end(&mut self, seq: u64) {
         self.last.seq = self.last.seq.max(seq);
+        self.ended = true;
     }
 }
 
@@ -239,6 +248,7 @@ mod tests {
         let taken = inputs.take(&mut LogBuffer::new(&preamble).unwrap(), |_| ()).unwrap();
         assert_eq!(taken, Taken { more: false, scans: 2, frames: 2 });
         assert_eq!((inputs.last_scan(), inputs.last_frame()), (3, Some(3)));
+        assert_eq!(inputs.ended(), [(SonarScan::SERVICE.name, 3), (CameraFrame::SERVICE.name, 3)]);
         drop((inputs, scans, frames, shell));
         domain.close().unwrap();
     }

@@ -7,7 +7,7 @@ use ::recorder::{Limits, RunLog, Written};
 use anyhow::{Result, anyhow};
 use description::describe;
 use inputs::Inputs;
-use messages::{CameraFrame, Counter, DeploymentStatus, ProcessStatus, SonarScan};
+use messages::{CameraFrame, Counter, DeploymentStatus, Payload, Pictures, ProcessStatus, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, Snapshot, StepError};
 use serde::{Deserialize, Serialize};
 use settings::{Pace, Settings};
@@ -57,6 +57,7 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
         last,
         saved: RecorderState { last, log: Written::default() },
         acknowledged: None,
+        written_ends: Vec::new(),
         syncing: None,
     };
     Ok(shell.run(&mut recorder)?)
@@ -113,6 +114,8 @@ struct Recorder {
     saved: RecorderState,
     /// The last ones that were acknowledged.
     acknowledged: Option<PerStream>,
+    /// The services whose end was taken before the last flush, and their last numbers.
+    written_ends: Vec<(&'static str, u64)>,
     /// The log has ended, and the disk is taking it.
     syncing: Option<JoinHandle<io::Result<()>>>,
 }
@@ -178,13 +181,16 @@ impl Recorder {
             return self.flushed_at.elapsed() >= RETRY;
         }
         let frames_are_due = self.lockstep && self.unwritten.frame >= FLUSH_FRAMES;
-        self.unwritten.scan >= self.flush_scans || frames_are_due || self.flushed_at.elapsed() >= self.flush_every
+        // Those who have ended stay until this is in the file.
+        let an_end_is_due = self.inputs.ended().len() > self.written_ends.len();
+        an_end_is_due || self.unwritten.scan >= self.flush_scans || frames_are_due || self.flushed_at.elapsed() >= self.flush_every
     }
 
     fn flush(&mut self) -> Result<(), StepError> {
         self.flushed_at = Instant::now();
         self.log.flush()?;
         self.unwritten = PerStream::default();
+        self.written_ends = self.inputs.ended();
         self.save();
         Ok(())
     }
@@ -207,6 +213,11 @@ impl Recorder {
                 context.answered_frames::<CameraFrame>(last.frame);
             }
             self.acknowledged = Some(last);
+        }
+        for &(service, seq) in &self.written_ends {
+            if ![SonarScan::SERVICE.name, CameraFrame::SERVICE.name].contains(&service) {
+                context.answered_on(service, seq);
+            }
         }
         context.count("messages recorded", self.log.recorded());
         context.count(NOT_RECORDED, self.log.not_recorded());

@@ -5,7 +5,8 @@ mod remarks;
 
 use bus::{BusError, FrameReader, FrameWriter, Received};
 use messages::{
-    CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Pictures, PixelFormat, Service, StreamCursor,
+    CameraBackground, CameraFrame, CameraMask, CameraMotion, CameraStatus, FrameLayout, Payload, Pictures, PixelFormat, Service,
+    StreamCursor,
 };
 use runtime::{Answers, Checkpoint, Context, Fold, Next, Recent, RunError, Shell, StepError, run_fold};
 use settings::{BuiltIn, Pace, Settings};
@@ -41,6 +42,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), SbsError> {
     let checkpoint = shell.volatile_checkpoint();
     let mut subtraction = Subtraction::new(&mut shell, &checkpoint, settings)?;
     shell.linger_until(settings.named(BuiltIn::Fti));
+    shell.linger_until_recorded(settings.named(BuiltIn::Recorder), &[CameraMotion::SERVICE]);
     Ok(run_fold(shell, checkpoint, &mut subtraction)?)
 }
 

@@ -41,6 +41,7 @@ pub fn run(mut shell: Shell, settings: &Settings) -> Result<(), StdError> {
         tracing::info!("resumes after scan {seq}");
     }
     shell.linger_until(settings.named(BuiltIn::Fti));
+    shell.linger_until_recorded(settings.named(BuiltIn::Recorder), &[SonarMotion::SERVICE]);
     let mut scans = shell.reader::<SonarScan>()?;
     scans.skip_to(seq, stamp_ns);
     let motions = Answers::new(&mut shell, recent)?;
