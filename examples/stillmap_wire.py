@@ -650,7 +650,7 @@ assert ctypes.sizeof(Heartbeat) == 2752
 
 
 class Progress(ctypes.Structure):
-    """How far a process has answered a source stream. Playback in lockstep waits for it."""
+    """How far a process has answered a stream. Playback in lockstep waits for it, and a process that has ended for the recorder's."""
 
     SERVICE = "health/progress"
     CONTRACT = "version 1 layout cfcaed6a34c9d1c1"

@@ -1,13 +1,13 @@
 //! The sender's side of one service: its port, its event and its count.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::fmt::Debug;
 use std::rc::Rc;
 
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::{IceoryxSend, PortFactory, ZeroCopySend, ipc};
+use iceoryx2::prelude::{CallbackProgression, IceoryxSend, PortFactory, ZeroCopySend, ipc};
 use iceoryx2::service::port_factory::publish_subscribe;
 
 use crate::connections::Connections;
@@ -27,7 +27,8 @@ pub(crate) struct Outlet<P: Debug + IceoryxSend + ?Sized + 'static, H: Debug + Z
     connections: Connections,
     name: &'static str,
     sent: Rc<Cell<u64>>,
-    readers: Cell<usize>,
+    /// The readers that there were when this was last asked.
+    known: RefCell<Vec<u128>>,
 }
 
 impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Refresh for Outlet<P, H> {
@@ -50,7 +51,7 @@ impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Outlet<P, H> {
             Some(wake) => Some(wake.notifier_builder().create().map_err(|error| BusError::broken(name, error))?),
             None => None,
         };
-        Ok(Self { publisher, notifier, service: opened.data, connections, name, sent, readers: Cell::new(0) })
+        Ok(Self { publisher, notifier, service: opened.data, connections, name, sent, known: RefCell::default() })
     }
 
     /// To be called after each send: wakes the readers and counts. Fails if a reader is without a connection.
@@ -69,9 +70,14 @@ impl<P: Debug + IceoryxSend + ?Sized, H: Debug + ZeroCopySend> Outlet<P, H> {
         self.service.dynamic_config().number_of_subscribers()
     }
 
-    /// Whether a reader has joined since this was last asked.
+    /// Whether a reader has joined since this was last asked. Readers are told apart by their identity: one may have left meanwhile.
     pub(crate) fn joined(&self) -> bool {
-        let readers = self.readers();
-        readers > self.readers.replace(readers)
+        let mut readers = Vec::new();
+        self.service.dynamic_config().list_subscribers(|found| {
+            readers.push(found.subscriber_id.value());
+            CallbackProgression::Continue
+        });
+        let known = self.known.replace(readers);
+        self.known.borrow().iter().any(|reader| !known.contains(reader))
     }
 }

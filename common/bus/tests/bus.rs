@@ -49,6 +49,24 @@ fn messages_arrive_once_in_order_and_the_end_is_said() {
 }
 
 #[test]
+fn a_reader_that_takes_the_place_of_another_has_joined() {
+    let domain = domain();
+    let (mut source, mut sink) = (ports(&domain, "source"), ports(&domain, "sink"));
+    let mut writer: Writer<SonarScan> = source.writer().unwrap();
+    assert!(!writer.joined());
+    let first: Reader<SonarScan> = sink.reader().unwrap();
+    assert!(writer.joined());
+    assert!(!writer.joined());
+    drop(first);
+    let second: Reader<SonarScan> = sink.reader().unwrap();
+    assert!(writer.joined(), "there are as many readers as before");
+    drop(second);
+    assert!(!writer.joined());
+    drop((source, sink, writer));
+    domain.close().unwrap();
+}
+
+#[test]
 fn missing_messages_are_counted_and_invalid_ones_refused() {
     let domain = domain();
     let mut source = ports(&domain, "source");

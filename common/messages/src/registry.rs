@@ -393,12 +393,12 @@ services! {
         shown: true,
     }
 
-    /// How far a process has answered a source stream. Playback in lockstep waits for it.
+    /// How far a process has answered a stream. Playback in lockstep waits for it, and a process that has ended for the recorder's.
     message Progress {
         name: "health/progress",
         version: 1,
         from: &["consumers of scans and pictures"],
-        to: &["playback", "simulator", "recorder"],
+        to: &["playback", "simulator", "recorder", "processes that have ended"],
         qos: Qos::REPORTS,
         wakes: true,
         sequenced: false,

@@ -333,7 +333,7 @@ impl Shell {
         Ok(())
     }
 
-    /// Whom a finished process stays for, in words.
+    /// The processes that a finished one stays for, in words.
     fn awaited(&self) -> String {
         let recorders = self.unrecorded.iter().map(|(recorder, _)| recorder);
         let mut names: Vec<&str> = self.consumers.iter().chain(recorders).map(String::as_str).collect();
