@@ -48,7 +48,7 @@ pub(crate) fn figure() -> Result<String, Error> {
         svg.text([12.0, top + 74.0], Anchor::Start, 13.0, INK, second);
         for (column, moment) in moments.iter().enumerate() {
             let left = 120.0 + 176.0 * column as f64;
-            picture::draw(&mut svg, [left, top], WIDTH, pixels(moment))?;
+            picture::draw(&mut svg, [left, top], 1.0, WIDTH, pixels(moment))?;
             if row == 0 {
                 svg.text([left + 80.0, 28.0], Anchor::Middle, 12.0, DIM, &format!("after {:.1} s", moment.time_s));
             }
