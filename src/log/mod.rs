@@ -5,7 +5,7 @@ mod bag;
 use crate::exit::BadInput;
 use crate::{exit, output};
 use clap::{Subcommand, ValueEnum};
-use drivelog::{Log, Recovered, Selection};
+use drivelog::{Recovered, Selection, Table};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -171,13 +171,12 @@ fn report(out: &Path, copied: &Recovered) -> anyhow::Result<()> {
 
 /// Writes the tables of a log and prints their sizes.
 fn export_csv(log: &Path, out: &Path) -> anyhow::Result<()> {
-    let mut log = Log::open(log)?;
-    let tables = drivelog::export_csv(&mut log, out)?;
+    let tables = drivelog::export_csv(log, out)?;
     for damage in &tables.damages {
         output::line(&format!("damage    {damage}"))?;
     }
-    for (table, rows) in &tables.rows {
-        output::line(&format!("{}: {rows} rows", table.display()))?;
+    for Table { path, topic, rows } in &tables.tables {
+        output::line(&format!("{}: {rows} rows of {}", path.display(), messages::printable(topic)))?;
     }
     Ok(())
 }

@@ -3,7 +3,6 @@
 
 mod carry;
 mod chunk;
-mod csv;
 mod damage;
 #[cfg(test)]
 mod damage_tests;
@@ -31,11 +30,12 @@ mod records;
 mod recover;
 mod robond;
 mod select;
+mod table_row;
+mod tables;
 mod tile;
 mod views;
 mod writer;
 
-pub use csv::{Tables, export_csv};
 pub use damage::{Damage, Fault, LogError, WriteError};
 pub use decode_error::DecodeError;
 pub use ending::Ending;
@@ -54,5 +54,6 @@ pub use records::Channel;
 pub use recover::{Recovered, recover};
 pub use robond::{Imported, import_robond};
 pub use select::{Selection, select};
+pub use tables::{Table, Tables, export_csv};
 pub use tile::timestamp;
 pub use views::{MapView, PoseView};

@@ -1,11 +1,11 @@
 //! One log from several pieces of a run.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use crate::damage::{Fault, LogError};
 use crate::log::{Log, is_sequenced};
+use crate::numbers::Numbers;
 use crate::recover::{Recovered, append};
 use crate::writer::{LogWriter, Times};
 
@@ -42,8 +42,7 @@ fn write(pieces: &mut [Piece], file: &mut File) -> Result<Recovered, Fault> {
     let mut merged = Recovered::default();
     let Some(first) = pieces.first() else { return Ok(merged) };
     let mut writer = LogWriter::new(first.log.preamble(), 1, 0)?;
-    // The last number of each stream, low 32 bits.
-    let mut numbers: BTreeMap<String, u32> = BTreeMap::new();
+    let mut numbers = Numbers::default();
     pieces.iter_mut().for_each(|piece| piece.advance(&mut merged));
     loop {
         let times = pieces.iter().enumerate().filter_map(|(number, piece)| Some((piece.message_ns()?, number)));
@@ -51,10 +50,8 @@ fn write(pieces: &mut [Piece], file: &mut File) -> Result<Recovered, Fault> {
         let Some(piece) = pieces.get_mut(next) else { break };
         if let Some(message) = piece.log.message() {
             let topic = message.channel.topic.as_str();
-            let is_new =
-                !is_sequenced(topic) || numbers.get(topic).is_none_or(|last| message.sequence.wrapping_sub(*last).cast_signed() > 0);
-            if is_new {
-                numbers.insert(topic.to_owned(), message.sequence);
+            // Pieces may begin anywhere in the run.
+            if !is_sequenced(topic) || numbers.take(topic, message.sequence, true) {
                 let times = Times { log_ns: message.log_ns, stamp_ns: message.stamp_ns };
                 writer.raw(topic, || message.channel.format.clone(), times, message.sequence, message.data)?;
                 merged.messages += 1;
@@ -63,6 +60,7 @@ fn write(pieces: &mut [Piece], file: &mut File) -> Result<Recovered, Fault> {
         }
         piece.advance(&mut merged);
     }
+    merged.gaps.messages = numbers.missing().clone();
     merged.bytes += append(file, &writer.finish()?)?;
     Ok(merged)
 }

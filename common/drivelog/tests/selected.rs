@@ -3,8 +3,10 @@
 
 mod payloads;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use mcap::records::MessageHeader;
 use messages::{Pose, Progress, SonarReading, SonarScan};
 use stillmap_drivelog::{Log, Recording, Selection, export_csv, info, merge, select};
 
@@ -90,9 +92,9 @@ fn tables_have_a_line_for_each_message_and_each_entry() {
     let folder = tempfile::tempdir().unwrap();
     let [log, to] = ["drive.mcap", "tables"].map(|name| folder.path().join(name));
     record(&log, 7);
-    let tables = export_csv(&mut Log::open(&log).unwrap(), &to).unwrap();
+    let tables = export_csv(&log, &to).unwrap();
     let readings: u64 = (1..=SCANS).map(|seq| scan(seq).readings().len() as u64).sum();
-    let rows: Vec<(PathBuf, u64)> = tables.rows.into_iter().collect();
+    let rows: Vec<(PathBuf, u64)> = tables.tables.into_iter().map(|table| (table.path, table.rows)).collect();
     let expected = [("health_progress.csv", SCANS), ("robot_scan.csv", SCANS), ("robot_scan.readings.csv", readings)];
     assert_eq!(rows, expected.map(|(name, rows)| (to.join(name), rows)));
     let lines = |name: &str| std::fs::read_to_string(to.join(name)).unwrap().lines().take(2).collect::<Vec<_>>().join("\n");
@@ -101,5 +103,58 @@ fn tables_have_a_line_for_each_message_and_each_entry() {
         lines("robot_scan.readings.csv"),
         "stamp_ns,seq,index,mount.x_m,mount.y_m,mount.yaw_rad,range_m,sonar,echo\n100000000,1,0,0.1,0.0,0.5,1.25,1,1"
     );
-    assert!(export_csv(&mut Log::open(&log).unwrap(), &to).unwrap_err().to_string().contains("exists"));
+    assert!(export_csv(&log, &to).unwrap_err().to_string().contains("exists"));
+}
+
+#[test]
+fn what_pieces_lack_together_is_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let [log, early, late, again] = ["drive.mcap", "early.mcap", "late.mcap", "again.mcap"].map(|name| folder.path().join(name));
+    record(&log, 7);
+    cut(&log, 500, Some(1_900), &early);
+    cut(&log, 3_000, None, &late);
+    let merged = merge(&[early, late], &again).unwrap();
+    assert_eq!(merged.gaps.lines(), ["robot/scan: 10 messages: 21 to 30"]);
+}
+
+/// A log with topics of another program, each with its messages in JSON.
+fn foreign(path: &Path, messages: &[(&str, &str)]) {
+    record(path, 7);
+    let bytes = std::fs::read(path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    let mut writer = mcap::WriteOptions::new().create(std::fs::File::create(path).unwrap()).unwrap();
+    writer.attach(&mcap::read::attachment(&bytes, &summary.attachment_indexes[0]).unwrap()).unwrap();
+    writer.write_metadata(&mcap::read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap()).unwrap();
+    for (topic, text) in messages {
+        let channel_id = writer.add_channel(0, topic, "json", &BTreeMap::new()).unwrap();
+        let header = MessageHeader { channel_id, sequence: 1, log_time: 5, publish_time: 5 };
+        writer.write_to_known_channel(&header, text.as_bytes()).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn tables_of_a_foreign_log_are_complete_and_in_their_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let [log, to] = ["foreign.mcap", "tables"].map(|name| folder.path().join(name));
+    let list = r#"{"seq":1,"../l":[{"a":1},{"b, \"c\"":"x\ny"}]}"#;
+    foreign(&log, &[("../escaped", r#"{"a":1}"#), ("/escaped", r#"{"a":1}"#), ("a/b", r#"{"a":1}"#), ("a/b", r#"{"b":2}"#), ("a_b", list)]);
+    let tables = export_csv(&log, &to).unwrap();
+    let found: Vec<_> =
+        tables.tables.iter().map(|table| (table.path.file_name().unwrap().to_str().unwrap(), table.topic.as_str(), table.rows)).collect();
+    assert_eq!(
+        found,
+        [
+            ("_.._escaped.csv", "../escaped", 1),
+            ("_escaped.csv", "/escaped", 1),
+            ("a_b.csv", "a/b", 2),
+            ("a_b-2.csv", "a_b", 1),
+            ("a_b..._l.csv", "a_b", 2)
+        ]
+    );
+    assert_eq!(std::fs::read_dir(&to).unwrap().count(), 5);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing stands beside the folder");
+    let text = |name: &str| std::fs::read_to_string(to.join(name)).unwrap();
+    assert_eq!(text("a_b.csv"), "stamp_ns,a,b\n5,1,\n5,,2\n");
+    assert_eq!(text("a_b..._l.csv"), "stamp_ns,seq,index,a,\"b, \"\"c\"\"\"\n5,1,0,1,\n5,1,1,,\"x\ny\"\n");
 }
