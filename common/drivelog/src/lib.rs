@@ -30,6 +30,7 @@ mod records;
 mod recover;
 mod robond;
 mod select;
+mod summary;
 mod table_row;
 mod tables;
 mod tile;

@@ -7,6 +7,7 @@ use crate::damage::LogError;
 use crate::ending::Ending;
 use crate::message_reader::{MessageReader, RawMessage};
 use crate::records::RecordReader;
+use crate::summary;
 
 /// Reads the messages of an MCAP file of any program, in the order in which they were written.
 pub struct McapReader {
@@ -22,8 +23,10 @@ impl McapReader {
     /// # Errors
     /// When it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, LogError> {
-        let file = File::open(path).map_err(LogError::at(path))?;
-        Ok(Self { path: path.to_owned(), messages: MessageReader::new(RecordReader::new(file)), has_failed: false })
+        let mut file = File::open(path).map_err(LogError::at(path))?;
+        // Some programs name a topic in the first chunk that has it, and again only at the end: the chunk may be damaged.
+        let topics = summary::topics(&mut file).map_err(LogError::at(path))?;
+        Ok(Self { path: path.to_owned(), messages: MessageReader::with_topics(RecordReader::new(file), topics), has_failed: false })
     }
 
     /// Makes the next message the current one; false at the end of what can be read.

@@ -60,7 +60,7 @@ fn write(pieces: &mut [Piece], file: &mut File) -> Result<Recovered, Fault> {
         }
         piece.advance(&mut merged);
     }
-    merged.gaps.messages = numbers.missing().clone();
+    merged.gaps.messages = numbers.into_missing();
     merged.bytes += append(file, &writer.finish()?)?;
     Ok(merged)
 }

@@ -11,6 +11,7 @@ use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::preamble::CONTINUED;
 use crate::records::{Channel, Record, RecordReader, Schema, channel, damage, named_texts, schema};
+use crate::summary::Topics;
 
 /// A message as the file has it.
 #[derive(Debug, Clone, Copy)]
@@ -57,7 +58,11 @@ pub(crate) struct Position {
 
 impl<R: Read> MessageReader<R> {
     pub(crate) fn new(records: RecordReader<R>) -> Self {
-        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
+        Self::with_topics(records, Topics::default())
+    }
+
+    /// Reads messages whose topics need not be named before them.
+    pub(crate) fn with_topics(records: RecordReader<R>, (schemas, channels): Topics) -> Self {
         Self {
             records,
             continues: false,

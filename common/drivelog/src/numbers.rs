@@ -52,6 +52,10 @@ impl Numbers {
     pub(crate) fn missing(&self) -> &BTreeMap<String, Missing> {
         &self.missing
     }
+
+    pub(crate) fn into_missing(self) -> BTreeMap<String, Missing> {
+        self.missing
+    }
 }
 
 #[cfg(test)]

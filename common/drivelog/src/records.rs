@@ -70,7 +70,13 @@ impl<R: Read> RecordReader<R> {
             match self.deframer.next().map(|frame| frame.map(own)) {
                 Ok(Some(record)) => return Ok(Some(record)),
                 Ok(None) if self.deframer.has_ended() => self.ending = Some(self.deframer.ending()),
-                Ok(None) => self.read()?,
+                Ok(None) => {
+                    if let Err(error) = self.read() {
+                        // A disk that fails here fails again: whoever continues behind the error finds the end.
+                        self.ending = Some(Ending::Cut { offset: self.deframer.offset() });
+                        return Err(error);
+                    }
+                }
                 Err(damage) if self.deframer.is_lost() => self.ending = Some(Ending::Damaged(damage)),
                 Err(damage) => return Err(damage.into()),
             }
@@ -130,4 +136,25 @@ pub(crate) fn channel(fields: &mut Fields<'_>, schemas: &BTreeMap<u16, Schema>) 
     let message_encoding = fields.text()?.to_owned();
     let format = Format { schema_name: schema.name, schema_encoding: schema.encoding, schema: schema.data, message_encoding };
     Some((id, Channel { topic, format }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct FailingDisk;
+
+    impl Read for FailingDisk {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(io::Error::other("the disk fails"))
+        }
+    }
+
+    #[test]
+    fn a_file_ends_where_its_disk_fails() {
+        let mut records = RecordReader::new(FailingDisk);
+        assert!(matches!(records.next(), Err(Fault::Io(_))));
+        assert!(matches!(records.next(), Ok(None)));
+        assert_eq!(records.ending(), Some(&Ending::Cut { offset: 0 }));
+    }
 }
