@@ -6,8 +6,9 @@ use crate::tally::Tally;
 use crate::trajectory::{Before, Trajectory};
 
 /// Least time between two scans, ns. The streams of a deployment hold 512 scans, and a verdict comes 3 s behind its scan: 50 scans a second
-/// leave room for a restart. What falls between is part of the scan before, with the mount of each reading moved by the drive since.
-const SPACING_NS: u64 = 20_000_000;
+/// leave room for a restart. What falls between is part of the scan before, with the mount of each reading moved by the drive since; what has
+/// no place in it begins the next scan, up to so much later than it was measured.
+pub(crate) const SPACING_NS: u64 = 20_000_000;
 
 /// A reading of a bag.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,21 +84,28 @@ impl Builder<'_> {
         };
         self.pass(reading.stamp_ns, pose);
         let sonar = reading.sonar as u32;
-        let is_full = |open: &OpenScan| open.readings.len() == MAX_READINGS || open.readings.iter().any(|other| other.sonar == sonar);
-        if self.open.as_ref().is_some_and(is_full) {
-            self.begin(reading.stamp_ns, pose);
+        let has_room = |open: &OpenScan| open.readings.len() < MAX_READINGS && open.readings.iter().all(|other| other.sonar != sonar);
+        if !self.open.as_ref().is_some_and(has_room) && !self.begin(reading.stamp_ns, pose) {
+            self.tally.add(topic, "readings beyond 50 scans a second are left out");
+            return;
         }
         let Some(open) = &mut self.open else { return };
         let mount = if open.pose == pose { *mount } else { inverse(&open.pose).then(&pose).then(mount) };
         open.readings.push(SonarReading::new(sonar, mount, reading.range_m, reading.has_echo));
     }
 
-    fn begin(&mut self, stamp_ns: u64, pose: Pose) {
+    /// Begins a scan; false if too many have been begun at this time.
+    fn begin(&mut self, stamp_ns: u64, pose: Pose) -> bool {
+        let open_ns = self.open.as_ref().map(|open| open.stamp_ns);
+        let last_ns = open_ns.or(self.scans.last().map(|(last_ns, _)| *last_ns));
+        let earliest_ns = last_ns.map_or(0, |last_ns| last_ns.saturating_add(SPACING_NS));
+        if earliest_ns > stamp_ns.saturating_add(SPACING_NS) {
+            return false;
+        }
         self.close();
-        // Stamps of scans increase.
-        let earliest = self.scans.last().map_or(0, |(last_ns, _)| last_ns + 1);
         let after_gap = std::mem::take(&mut self.after_gap);
-        self.open = Some(OpenScan { stamp_ns: stamp_ns.max(earliest), pose, after_gap, readings: Vec::new() });
+        self.open = Some(OpenScan { stamp_ns: stamp_ns.max(earliest_ns), pose, after_gap, readings: Vec::new() });
+        true
     }
 
     fn close(&mut self) {
@@ -124,6 +132,7 @@ fn inverse(pose: &Pose) -> Pose {
 mod tests {
     use super::*;
     use crate::trajectory::Sample;
+    use proptest::prelude::*;
 
     const MS: u64 = 1_000_000;
 
@@ -159,7 +168,7 @@ mod tests {
     #[test]
     fn more_sonars_than_a_scan_holds_are_two_scans() {
         let readings: Vec<Reading> = (0..20).map(|sonar| reading(100, sonar)).collect();
-        check(&readings, &[(0, 0), (100 * MS, 16), (100 * MS + 1, 4), (200 * MS, 0)]);
+        check(&readings, &[(0, 0), (100 * MS, 16), (120 * MS, 4), (200 * MS, 0)]);
     }
 
     #[test]
@@ -177,7 +186,34 @@ mod tests {
 
     #[test]
     fn a_sonar_is_in_a_scan_once() {
-        check(&[reading(100, 0), reading(105, 0)], &[(0, 0), (100 * MS, 1), (105 * MS, 1), (200 * MS, 0)]);
+        check(&[reading(100, 0), reading(105, 0)], &[(0, 0), (100 * MS, 1), (120 * MS, 1), (200 * MS, 0)]);
+    }
+
+    #[test]
+    fn a_sonar_at_200_hz_gives_50_scans_a_second() {
+        let readings: Vec<Reading> = (0..40).map(|number| reading(number * 5, 0)).collect();
+        let (_, tally) = check(&readings, &(0..11).map(|number| (number * 20 * MS, 1)).collect::<Vec<_>>());
+        assert_eq!(tally.lines(), ["topic /sonar0: readings beyond 50 scans a second are left out (29 messages)"]);
+    }
+
+    proptest! {
+        #[test]
+        fn scans_are_at_least_20_ms_apart(
+            samples in prop::collection::vec((0..2_000_u64, 0..20_u8), 1..60),
+            readings in prop::collection::vec((0..2_000_u64, 0..20_usize), 0..400),
+        ) {
+            let sample = |(ms, x_m): (u64, u8)| {
+                let pose = Pose { x_m: f64::from(x_m / 10), y_m: 0.0, yaw_rad: 0.0 };
+                Sample { stamp_ns: ms * MS, pose, is_doubtful: ms % 7 == 0 }
+            };
+            let readings: Vec<Reading> = readings.into_iter().map(|(ms, sonar)| reading(ms, sonar)).collect();
+            let mut tally = Tally::default();
+            let scans = scans(&readings, &Trajectory::new(samples.into_iter().map(sample).collect()), &ring(20), &mut tally);
+            prop_assert!(scans.is_sorted_by(|(one_ns, _), (next_ns, _)| one_ns + SPACING_NS <= *next_ns));
+            let used: usize = scans.iter().map(|(_, scan)| scan.readings().len()).sum();
+            let left_out: u64 = tally.lines().iter().map(|line| line.rsplit_once('(').unwrap().1.split_once(' ').unwrap().0.parse::<u64>().unwrap()).sum();
+            prop_assert_eq!(used as u64 + left_out, readings.len() as u64);
+        }
     }
 
     #[test]
