@@ -30,6 +30,30 @@ pub enum BagError {
         /// What SQLite says.
         source: rusqlite::Error,
     },
+    /// An SQLite file without a table that a bag has.
+    #[error("{}: has no table {table:?} with stored columns only", path.display())]
+    NoTable {
+        /// The file.
+        path: PathBuf,
+        /// The table.
+        table: &'static str,
+    },
+    /// A packed file that unpacks to more than is read.
+    #[error("{}: unpacks to more than {limit} bytes", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The most that is read, bytes.
+        limit: u64,
+    },
+    /// A file that breaks off.
+    #[error("{}: is cut at byte {offset}", path.display())]
+    Cut {
+        /// The file.
+        path: PathBuf,
+        /// Size of what can be read, bytes.
+        offset: u64,
+    },
     /// An MCAP file that cannot be read, or a log that cannot be written.
     #[error(transparent)]
     Log(#[from] LogError),

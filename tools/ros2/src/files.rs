@@ -1,20 +1,24 @@
 //! The files of a bag.
 
 use std::fs::{self, File};
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
 use crate::error::BagError;
 
-/// A file of a bag, ready to be read.
+/// The most that a packed file may unpack to, bytes: two hours of grey pictures of 640 × 480 pixels, 30 in a second. A few bytes can
+/// stand for any number of zeros.
+const MAX_UNPACKED: u64 = 64 << 30;
+/// Bytes that are unpacked at a time.
+const PIECE: usize = 256 << 10;
+
+/// A file of a bag.
 pub(crate) struct BagFile {
-    /// The file as the user knows it.
-    pub(crate) path: PathBuf,
+    path: PathBuf,
     pub(crate) storage: Storage,
-    /// What an intact file was unpacked to.
-    unpacked: Option<NamedTempFile>,
+    is_packed: bool,
 }
 
 /// How a file stores messages.
@@ -24,16 +28,33 @@ pub(crate) enum Storage {
     Sqlite,
 }
 
+/// A file of a bag that can be read. What a packed one was unpacked to is removed when this is dropped.
+pub(crate) struct Readable<'a> {
+    /// The file as the user knows it.
+    pub(crate) path: &'a Path,
+    unpacked: Option<NamedTempFile>,
+}
+
+impl Readable<'_> {
+    /// The file that has the messages.
+    pub(crate) fn storage(&self) -> &Path {
+        self.unpacked.as_ref().map_or(self.path, NamedTempFile::path)
+    }
+}
+
 impl BagFile {
-    /// The file to read.
-    pub(crate) fn readable(&self) -> &Path {
-        self.unpacked.as_ref().map_or(&self.path, NamedTempFile::path)
+    /// The file or, if it is packed, what can be unpacked of it; the rest is told to `damaged`.
+    ///
+    /// # Errors
+    /// When there is no room for it.
+    pub(crate) fn readable(&self, damaged: &mut dyn FnMut(BagError)) -> Result<Readable<'_>, BagError> {
+        let unpacked = if self.is_packed { Some(unpack(&self.path, MAX_UNPACKED, damaged)?) } else { None };
+        Ok(Readable { path: &self.path, unpacked })
     }
 
-    fn open(path: PathBuf) -> Result<Option<Self>, BagError> {
-        let Some((storage, is_packed)) = form(&path) else { return Ok(None) };
-        let unpacked = if is_packed { Some(unpack(&path)?) } else { None };
-        Ok(Some(Self { path, storage, unpacked }))
+    fn of(path: PathBuf) -> Option<Self> {
+        let (storage, is_packed) = form(&path)?;
+        Some(Self { path, storage, is_packed })
     }
 }
 
@@ -48,7 +69,7 @@ pub(crate) fn files(bag: &Path) -> Result<Vec<BagFile>, BagError> {
     } else {
         File::open(bag).map_err(BagError::io(bag))?;
     }
-    let files: Vec<BagFile> = paths.into_iter().filter_map(|path| BagFile::open(path).transpose()).collect::<Result<_, _>>()?;
+    let files: Vec<BagFile> = paths.into_iter().filter_map(BagFile::of).collect();
     if files.is_empty() { Err(BagError::NoBag { path: bag.to_owned() }) } else { Ok(files) }
 }
 
@@ -63,12 +84,34 @@ fn form(path: &Path) -> Option<(Storage, bool)> {
     }
 }
 
-fn unpack(path: &Path) -> Result<NamedTempFile, BagError> {
-    let packed = File::open(path).map_err(BagError::io(path))?;
-    let mut decoder =
-        ruzstd::decoding::StreamingDecoder::new(BufReader::new(packed)).map_err(io::Error::other).map_err(BagError::io(path))?;
+fn unpack(path: &Path, limit: u64, damaged: &mut dyn FnMut(BagError)) -> Result<NamedTempFile, BagError> {
     let mut unpacked = NamedTempFile::new().map_err(BagError::io(path))?;
-    io::copy(&mut decoder, &mut unpacked).map_err(BagError::io(path))?;
+    let decoder =
+        File::open(path).and_then(|packed| ruzstd::decoding::StreamingDecoder::new(BufReader::new(packed)).map_err(io::Error::other));
+    let mut decoder = match decoder {
+        Ok(decoder) => decoder,
+        Err(error) => {
+            damaged(BagError::io(path)(error));
+            return Ok(unpacked);
+        }
+    };
+    let (mut piece, mut bytes) = (vec![0; PIECE], 0);
+    loop {
+        let count = match decoder.read(&mut piece) {
+            Ok(0) => break,
+            Ok(count) => count,
+            Err(error) => {
+                damaged(BagError::io(path)(error));
+                break;
+            }
+        };
+        bytes += count as u64;
+        if bytes > limit {
+            damaged(BagError::TooLarge { path: path.to_owned(), limit });
+            break;
+        }
+        unpacked.write_all(&piece[..count]).map_err(BagError::io(path))?;
+    }
     Ok(unpacked)
 }
 
@@ -90,6 +133,7 @@ pub(crate) fn natural(name: &str) -> Vec<(String, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
     #[test]
     fn numbers_in_names_are_compared_as_numbers() {
@@ -112,5 +156,29 @@ mod tests {
         fs::write(folder.path().join("metadata.yaml"), "").unwrap();
         let refused = files(folder.path()).err().unwrap().to_string();
         assert!(refused.ends_with("has no file of a bag, expected .mcap, .db3, .mcap.zstd or .db3.zstd"), "{refused}");
+    }
+
+    /// What a packed file unpacks to, and what is told of it.
+    fn unpacked(packed: &[u8], limit: u64) -> (Vec<u8>, Vec<String>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.mcap.zstd");
+        fs::write(&path, packed).unwrap();
+        let mut damages = Vec::new();
+        let unpacked = unpack(&path, limit, &mut |error| damages.push(error.to_string())).unwrap();
+        let bytes = fs::read(unpacked.path()).unwrap();
+        (bytes, damages.into_iter().map(|damage| damage.replace(path.to_str().unwrap(), "x")).collect())
+    }
+
+    #[test]
+    fn a_packed_file_is_unpacked_as_far_as_it_can_be() {
+        let content: Vec<u8> = (0..600_000_u32).map(|place| (place.wrapping_mul(place) >> 7) as u8).collect();
+        let packed = compress_to_vec(content.as_slice(), CompressionLevel::Fastest);
+        assert!(unpacked(&packed, 600_000) == (content.clone(), Vec::new()));
+        let (bytes, damages) = unpacked(&packed, 599_999);
+        assert_eq!((bytes.len() as u64 <= 599_999, damages), (true, vec!["x: unpacks to more than 599999 bytes".to_owned()]));
+        let (bytes, damages) = unpacked(&packed[..packed.len() / 2], 600_000);
+        assert!(!bytes.is_empty() && content.starts_with(&bytes) && damages.len() == 1, "{} bytes, {damages:?}", bytes.len());
+        let (bytes, damages) = unpacked(b"no zstd", 600_000);
+        assert!(bytes.is_empty() && damages.len() == 1, "{damages:?}");
     }
 }

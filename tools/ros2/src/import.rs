@@ -53,7 +53,7 @@ fn write(bag: &Bag, survey: Survey, preamble: &Preamble, to: &Path, file: &mut F
     if let Some(camera) = &survey.camera {
         let wants = |topic: &Topic| topic.name == camera.topic;
         bag.visit(&wants, &mut |message| {
-            let problem = match picture(&message.topic.type_name, message.data) {
+            let problem = match message.data().and_then(|data| picture(&message.topic.type_name, &data)) {
                 Err(problem) => problem,
                 Ok(picture) => {
                     let stamp_ns = picture.header.stamp_or(message.received_ns);
@@ -72,7 +72,7 @@ fn write(bag: &Bag, survey: Survey, preamble: &Preamble, to: &Path, file: &mut F
         })?;
     }
     log.finish(pictures)?;
-    let left_out = survey.damages.into_iter().chain(tally.lines()).collect();
+    let left_out = survey.damages.lines().into_iter().chain(tally.lines()).collect();
     Ok(Imported { scans: scans.len() as u64, readings, pictures: pictures.0, left_out })
 }
 

@@ -5,6 +5,7 @@ mod bag;
 mod bag_writer;
 mod camera_mount;
 mod cdr;
+mod damages;
 mod error;
 mod export;
 mod files;

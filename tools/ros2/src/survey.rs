@@ -7,6 +7,7 @@ use messages::{FrameLayout, Pose};
 use crate::bag::Bag;
 use crate::camera_mount::{CameraMount, Optics};
 use crate::cdr;
+use crate::damages::Damages;
 use crate::error::BagError;
 use crate::files::natural;
 use crate::interfaces::{CameraInfo, Odometry, Range, Text, TfMessage, name};
@@ -69,7 +70,7 @@ pub struct Survey {
     pub(crate) readings: Vec<Reading>,
     pub(crate) trajectory: Trajectory,
     pub(crate) tally: Tally,
-    pub(crate) damages: Vec<String>,
+    pub(crate) damages: Damages,
 }
 
 /// What is gathered while the messages pass.
@@ -148,27 +149,34 @@ impl Gathered {
     /// Takes a message in; one that cannot be read is counted.
     fn take(&mut self, message: &Message<'_>) {
         self.messages += 1;
-        let topic = message.topic;
-        let result = match topic.type_name.as_str() {
-            name::RANGE => self.range(message),
-            name::ODOMETRY => self.drive(message),
-            name::TF => self.transforms(message),
-            name::CAMERA_INFO => cdr::decode::<CameraInfo>(message.data).map(|info| {
-                self.calibrations.entry(topic.name.clone()).or_insert(info);
-            }),
-            name::STRING => cdr::decode::<Text>(message.data).map(|text| self.settings = Some(text.data)),
-            _ if self.pictures.contains_key(&topic.name) => Ok(()),
-            _ => picture(&topic.type_name, message.data).map(|picture| {
-                self.pictures.insert(topic.name.clone(), (picture.header.frame_id, picture.layout));
-            }),
-        };
-        if let Err(problem) = result {
-            self.tally.add(&topic.name, &problem);
+        // One picture tells the size of all: to unpack the others would take as long as the import.
+        let is_picture = [name::IMAGE, name::COMPRESSED].contains(&message.topic.type_name.as_str());
+        if is_picture && self.pictures.contains_key(&message.topic.name) {
+            return;
+        }
+        if let Err(problem) = message.data().and_then(|data| self.take_data(message, &data)) {
+            self.tally.add(&message.topic.name, &problem);
         }
     }
 
-    fn range(&mut self, message: &Message<'_>) -> Result<(), String> {
-        let range: Range = cdr::decode(message.data)?;
+    fn take_data(&mut self, message: &Message<'_>, data: &[u8]) -> Result<(), String> {
+        let topic = message.topic;
+        match topic.type_name.as_str() {
+            name::RANGE => self.range(message, data),
+            name::ODOMETRY => self.drive(message, data),
+            name::TF => self.transforms(message, data),
+            name::CAMERA_INFO => cdr::decode::<CameraInfo>(data).map(|info| {
+                self.calibrations.entry(topic.name.clone()).or_insert(info);
+            }),
+            name::STRING => cdr::decode::<Text>(data).map(|text| self.settings = Some(text.data)),
+            _ => picture(&topic.type_name, data).map(|picture| {
+                self.pictures.insert(topic.name.clone(), (picture.header.frame_id, picture.layout));
+            }),
+        }
+    }
+
+    fn range(&mut self, message: &Message<'_>, data: &[u8]) -> Result<(), String> {
+        let range: Range = cdr::decode(data)?;
         let max_range_m = decimal(range.max_range);
         if !(max_range_m > 0.0 && max_range_m.is_finite()) {
             return Err(format!("a max_range of {max_range_m} m, expected more than 0"));
@@ -189,8 +197,8 @@ impl Gathered {
         Ok(())
     }
 
-    fn drive(&mut self, message: &Message<'_>) -> Result<(), String> {
-        let odometry: Odometry = cdr::decode(message.data)?;
+    fn drive(&mut self, message: &Message<'_>, data: &[u8]) -> Result<(), String> {
+        let odometry: Odometry = cdr::decode(data)?;
         let place = isometry(&odometry.pose).ok_or("a pose without an orientation")?;
         let driven = self.odometry.entry(message.topic.name.clone()).or_default();
         driven.base = frame(&odometry.child_frame_id);
@@ -199,9 +207,9 @@ impl Gathered {
         Ok(())
     }
 
-    fn transforms(&mut self, message: &Message<'_>) -> Result<(), String> {
+    fn transforms(&mut self, message: &Message<'_>, data: &[u8]) -> Result<(), String> {
         let message_is_static = message.topic.name.ends_with("tf_static");
-        for transform in cdr::decode::<TfMessage>(message.data)?.transforms {
+        for transform in cdr::decode::<TfMessage>(data)?.transforms {
             let (parent, child) = (frame(&transform.header.frame_id), frame(&transform.child_frame_id));
             let place = isometry(&transform.transform).ok_or("a transform without an orientation")?;
             if message_is_static {
@@ -235,7 +243,7 @@ impl Gathered {
         Ok(())
     }
 
-    fn survey(mut self, named: &[String], damages: Vec<String>) -> Result<Survey, BagError> {
+    fn survey(mut self, named: &[String], damages: Damages) -> Result<Survey, BagError> {
         let (base, samples) = self.odometry()?;
         if self.ranges.is_empty() {
             return Err(BagError::Missing("readable messages of sensor_msgs/msg/Range"));
@@ -294,16 +302,56 @@ impl Gathered {
         }
         let Some((topic, (frame, layout))) = self.pictures.pop_first() else { return Ok(None) };
         let mount = self.mounts.base_from(base, &frame).map(|place| CameraMount::of(&place));
-        // The calibration stands beside the pictures.
-        let beside =
-            self.calibrations.iter().filter(|(info, _)| info.rsplit_once('/').is_some_and(|(folder, _)| topic.starts_with(folder)));
-        let info = beside.max_by_key(|(info, _)| info.len()).map(|(_, info)| info);
-        let optics = info.and_then(Optics::of);
+        let optics = self.calibration(&topic).and_then(Optics::of);
         Ok(Some(CameraFound { topic, layout, mount, optics }))
+    }
+
+    /// The calibration that stands beside the pictures of this topic.
+    fn calibration(&self, pictures: &str) -> Option<&CameraInfo> {
+        let is_below = |folder: &str| pictures.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
+        let beside = self.calibrations.iter().filter(|(info, _)| info.rsplit_once('/').is_some_and(|(folder, _)| is_below(folder)));
+        beside.max_by_key(|(info, _)| info.len()).map(|(_, info)| info)
     }
 }
 
 /// A number of single precision as the decimal that it was meant to be: 1.234 rather than 1.2339999675750732.
 fn decimal(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interfaces::{Header, RegionOfInterest};
+
+    fn info(width: u32) -> CameraInfo {
+        let header = Header::default();
+        let (k, r, p, roi) = ([0.0; 9], [0.0; 9], [0.0; 12], RegionOfInterest::default());
+        CameraInfo { header, height: 60, width, distortion_model: String::new(), d: Vec::new(), k, r, p, binning_x: 0, binning_y: 0, roi }
+    }
+
+    #[test]
+    fn a_calibration_stands_in_the_folder_of_its_pictures() {
+        let mut gathered = Gathered::default();
+        let mut check = |calibrations: &[(&str, u32)], pictures: &str, expect: Option<u32>| {
+            gathered.calibrations = calibrations.iter().map(|(topic, width)| ((*topic).to_owned(), info(*width))).collect();
+            assert_eq!(gathered.calibration(pictures).map(|info| info.width), expect, "{pictures}");
+        };
+        check(&[("/cam/camera_info", 1)], "/camera2/image_raw", None);
+        check(&[("/cam/camera_info", 1), ("/camera2/camera_info", 2)], "/camera2/image_raw", Some(2));
+        check(&[("/cam/camera_info", 1), ("/cam/left/camera_info", 2)], "/cam/left/image_raw/compressed", Some(2));
+        check(&[("/camera_info", 1)], "/image_raw", Some(1));
+    }
+
+    #[test]
+    fn pictures_behind_the_first_are_not_unpacked() {
+        let mut gathered = Gathered::default();
+        let topic = Topic { name: "/image".to_owned(), type_name: name::IMAGE.to_owned(), encoding: "cdr".to_owned() };
+        let packed_badly = Message { topic: &topic, received_ns: 1, stored: &[0x28, 0xb5, 0x2f, 0xfd, 0xff] };
+        gathered.take(&packed_badly);
+        assert_eq!(gathered.tally.lines().len(), 1);
+        gathered.pictures.insert(topic.name.clone(), (String::new(), FrameLayout::packed(80, 60, messages::PixelFormat::Grey)));
+        gathered.take(&packed_badly);
+        assert!(gathered.tally.lines()[0].ends_with("(1 message)"), "{:?}", gathered.tally.lines());
+    }
 }
