@@ -15,14 +15,16 @@ use std::path::Path;
 const SAME_MOUNT: f64 = 1e-6;
 
 /// Imports a bag and prints what came of it.
-pub(super) fn import(from: &Path, topics: &[String], settings: Option<&Path>, out: &Path) -> anyhow::Result<()> {
+pub(super) fn import(from: &Path, topics: &[String], settings_file: Option<&Path>, out: &Path) -> anyhow::Result<()> {
     let bag = Bag::open(from)?;
     let survey = ros2::survey(&bag, topics)?;
-    let given = match (settings, &survey.settings) {
+    let given = match (settings_file, &survey.settings) {
         (Some(file), _) => Some(Settings::read(file)?),
         (None, Some(text)) => Some(recorded_settings(from, text)?),
         (None, None) => None,
     };
+    // The file of the user is not mended with what the bag says.
+    let unused: Vec<String> = settings_file.into_iter().flat_map(|file| unused(&survey, file)).collect();
     let sonars = mounts(&survey.sonars, given.as_ref())?;
     let (settings, assumed) = deployment(&survey, given, &sonars)?;
     settings.check().map_err(|fault| BadInput(format!("{}: {fault}", from.display())))?;
@@ -43,6 +45,9 @@ pub(super) fn import(from: &Path, topics: &[String], settings: Option<&Path>, ou
     for line in assumed {
         output::line(&format!("assumed   {line}"))?;
     }
+    for line in unused {
+        output::line(&format!("unused    {line}"))?;
+    }
     for line in &imported.left_out {
         output::line(&format!("left out  {line}"))?;
     }
@@ -50,10 +55,21 @@ pub(super) fn import(from: &Path, topics: &[String], settings: Option<&Path>, ou
     Ok(output::line(&format!("{}: {scans} scans with {readings} readings, {pictures} pictures", out.display()))?)
 }
 
+/// What a bag says of its camera and a file of settings overrides.
+fn unused(survey: &Survey, file: &Path) -> Vec<String> {
+    let Some(CameraFound { topic, mount, optics, .. }) = &survey.camera else { return Vec::new() };
+    let line = |what: &str, of: &str| format!("topic {topic}: {what} of its camera in {of}; that of {} is taken", file.display());
+    let mount = mount.map(|_| line("the mount", "/tf_static"));
+    let optics = optics.map(|_| line("the field of view", "CameraInfo"));
+    mount.into_iter().chain(optics).collect()
+}
+
 /// Exports a log and prints what came of it.
 pub(super) fn export(path: &Path, out: &Path) -> anyhow::Result<()> {
     let mut log = Log::open(path)?;
-    let Settings { robot, camera, mapping, .. } = recorded_settings(path, &log.preamble().settings)?;
+    let settings = recorded_settings(path, &log.preamble().settings)?;
+    let is_localised = settings.runs(BuiltIn::Localisation);
+    let Settings { robot, camera, mapping, .. } = settings;
     let sensors = Sensors {
         sonars: log.preamble().sonars.clone(),
         max_range_m: robot.range_limit_m.get(),
@@ -62,6 +78,7 @@ pub(super) fn export(path: &Path, out: &Path) -> anyhow::Result<()> {
         camera_height_m: camera.height_m.get(),
         camera_field_of_view_rad: camera.field_of_view_deg.get().to_radians(),
         horizon_share: camera.horizon_share.get(),
+        is_localised,
     };
     let exported = ros2::export(&mut log, &sensors, out)?;
     for (topic, messages) in &exported.messages {
@@ -190,4 +207,63 @@ fn place_camera(settings: &mut settings::Camera, found: &CameraFound, assumed: &
         )),
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::built_in::DEMO;
+    use drivelog::Recording;
+    use messages::{CameraFrame, FrameLayout, PixelFormat, SonarReading, SonarScan};
+    use std::fs;
+
+    /// A log of a deployment with three scans and pictures.
+    fn record(settings: &Settings, path: &Path) {
+        let (robot, sonars) = (settings.robot.model.get().name.to_owned(), sonars(&settings.robot));
+        let preamble = Preamble { run: 1, robot, sonars, origin: "a test".to_owned(), settings: settings.to_toml().unwrap() };
+        let mut recording = Recording::new(&preamble).unwrap();
+        let layout = FrameLayout::packed(80, 60, PixelFormat::Grey);
+        for seq in 1..=3 {
+            let stamp_ns = seq * 100_000_000;
+            let reading = SonarReading::new(0, preamble.sonars[0], 1.0, true);
+            recording.scan(seq, stamp_ns, &SonarScan::new(Pose::default(), &[reading], false)).unwrap();
+            recording.picture::<CameraFrame>(seq, stamp_ns, &layout, &vec![7; layout.bytes()]).unwrap();
+        }
+        fs::write(path, recording.finish().unwrap()).unwrap();
+    }
+
+    #[test]
+    fn a_bag_of_a_log_keeps_localisation_and_no_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let [log, bag, again] = ["log.mcap", "bag", "again.mcap"].map(|name| folder.path().join(name));
+        let mut recorded = Settings::parse("demo.toml", DEMO).unwrap();
+        recorded.process.push(Process::built_in(BuiltIn::Localisation));
+        recorded.supervisor.on_event = vec!["sh".into(), "-c".into(), "a program of strangers".into()];
+        record(&recorded, &log);
+        export(&log, &bag).unwrap();
+        import(&bag, &[], None, &again).unwrap();
+        let imported = recorded_settings(&again, &Log::open(&again).unwrap().preamble().settings).unwrap();
+        let runs = [BuiltIn::Localisation, BuiltIn::Sbs, BuiltIn::Playback, BuiltIn::Simulator].map(|kind| imported.runs(kind));
+        assert_eq!(runs, [true, true, true, false]);
+        assert!(imported.supervisor.on_event.is_empty());
+    }
+
+    #[test]
+    fn a_camera_of_a_settings_file_replaces_that_of_the_bag() {
+        let folder = tempfile::tempdir().unwrap();
+        let [log, bag] = ["log.mcap", "bag"].map(|name| folder.path().join(name));
+        record(&Settings::parse("demo.toml", DEMO).unwrap(), &log);
+        export(&log, &bag).unwrap();
+        let mut survey = ros2::survey(&Bag::open(&bag).unwrap(), &[]).unwrap();
+        let lines = unused(&survey, Path::new("own.toml"));
+        assert_eq!(
+            lines,
+            [
+                "topic /camera/image_raw: the mount of its camera in /tf_static; that of own.toml is taken",
+                "topic /camera/image_raw: the field of view of its camera in CameraInfo; that of own.toml is taken",
+            ]
+        );
+        survey.camera = None;
+        assert!(unused(&survey, Path::new("own.toml")).is_empty());
+    }
 }

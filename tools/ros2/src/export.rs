@@ -4,10 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use drivelog::{Image, Log, Logged, RawMessage};
-use messages::{AFTER_DOUBT, CameraFrame, MapTile, Payload, Pictures, PixelFormat, Pose, SonarScan, Walkers};
+use messages::{
+    AFTER_DOUBT, AFTER_LOSS, CameraFrame, MapTile, Payload, Pictures, PixelFormat, Pose, RobotEstimate, SonarReading, SonarScan, Walkers,
+};
 
 use crate::bag_writer::{BagWriter, Type};
 use crate::cdr::{encode, encode_with_bytes};
+use crate::damages::Damages;
 use crate::error::BagError;
 use crate::interfaces::Pose as RosPose;
 use crate::interfaces::{
@@ -16,8 +19,10 @@ use crate::interfaces::{
 };
 use crate::markers::MarkerArray;
 use crate::occupancy::Occupancy;
+use crate::scans::SPACING_NS;
 use crate::survey::{SETTINGS_TOPIC, UNKNOWN_M2};
 use crate::tally::Tally;
+use crate::trajectory::is_gap;
 
 /// Frames of the bag.
 const MAP: &str = "map";
@@ -61,6 +66,8 @@ pub struct Sensors {
     pub camera_field_of_view_rad: f64,
     /// Row of the horizon as a share of the height, from the top.
     pub horizon_share: f64,
+    /// Whether the log has estimates of localisation: else the map is in the frame of the odometry.
+    pub is_localised: bool,
 }
 
 /// What came of an export.
@@ -77,20 +84,21 @@ pub struct Exported {
 /// # Errors
 /// When the folder exists already or a file in it cannot be written.
 pub fn export(log: &mut Log, sensors: &Sensors, to: &Path) -> Result<Exported, BagError> {
-    let mut export = Export { bag: BagWriter::create(to)?, sensors, maps: BTreeMap::new(), tally: Tally::default(), last_ns: None };
+    let (bag, maps, tally) = (BagWriter::create(to)?, BTreeMap::new(), Tally::default());
+    let mut export = Export { bag, sensors, maps, tally, last_ns: None, last_scan_ns: None };
     let settings = log.preamble().settings.clone();
-    let mut damages = Vec::new();
+    let mut damages = Damages::default();
     loop {
         match log.advance() {
             Ok(true) => {}
             Ok(false) => break,
             Err(error) => {
-                damages.push(error.to_string());
+                damages.add(error.to_string());
                 continue;
             }
         }
         let Some(message) = log.message() else { continue };
-        if export.last_ns.is_none() && message.channel.topic == SonarScan::SERVICE.name {
+        if export.last_ns.is_none() {
             export.begin(message.log_ns, &settings)?;
         }
         export.take(&message)?;
@@ -99,7 +107,7 @@ pub fn export(log: &mut Log, sensors: &Sensors, to: &Path) -> Result<Exported, B
     let Export { bag, tally, .. } = export;
     let messages = bag.counts();
     bag.finish()?;
-    Ok(Exported { messages, left_out: damages.into_iter().chain(tally.lines()).collect() })
+    Ok(Exported { messages, left_out: damages.lines().into_iter().chain(tally.lines()).collect() })
 }
 
 struct Export<'a> {
@@ -108,8 +116,10 @@ struct Export<'a> {
     /// By layer.
     maps: BTreeMap<u32, Occupancy>,
     tally: Tally,
-    /// Time of the last message; `None` before the first scan.
+    /// Time of the last message; `None` before the first.
     last_ns: Option<u64>,
+    /// Stamp of the last scan; `None` before the first.
+    last_scan_ns: Option<u64>,
 }
 
 impl Export<'_> {
@@ -120,8 +130,10 @@ impl Export<'_> {
         let stamp = Time::of_ns(time_ns);
         let sonars = self.sensors.sonars.iter().enumerate();
         let mut transforms: Vec<_> = sonars.map(|(sonar, mount)| transform(stamp, BASE, &sonar_frame(sonar), at(mount))).collect();
-        // The correction by localisation is not exported: the frames are one.
-        transforms.insert(0, transform(stamp, MAP, ODOM, at(&Pose::default())));
+        // The frames are one where nothing corrects the odometry.
+        if !self.sensors.is_localised {
+            transforms.insert(0, transform(stamp, MAP, ODOM, at(&Pose::default())));
+        }
         transforms.push(transform(stamp, BASE, CAMERA, self.camera_mount()));
         self.bag.add("/tf_static", TF, time_ns, &encode(&TfMessage { transforms }))
     }
@@ -139,6 +151,11 @@ impl Export<'_> {
             match Image::decode(data) {
                 Ok((_, image)) => self.picture(time_ns, stamp_ns, &image)?,
                 Err(error) => self.tally.add(topic, &error.to_string()),
+            }
+        } else if topic == RobotEstimate::SERVICE.name {
+            if let Some(estimate) = self.decoded::<RobotEstimate>(data).filter(|_| self.sensors.is_localised) {
+                let transforms = vec![transform(Time::of_ns(stamp_ns), MAP, ODOM, at(&estimate.map_from_odom))];
+                self.bag.add("/tf", TF, time_ns, &encode(&TfMessage { transforms }))?;
             }
         } else if topic == Walkers::SERVICE.name {
             if let Some(walkers) = self.decoded::<Walkers>(data) {
@@ -166,7 +183,25 @@ impl Export<'_> {
         valid.inspect_err(|problem| self.tally.add(T::SERVICE.name, problem)).ok()
     }
 
+    /// Counts what an import of the bag does not find in it.
+    fn count_what_is_lost(&mut self, stamp_ns: u64, scan: &SonarScan) {
+        let topic = SonarScan::SERVICE.name;
+        let since_ns = self.last_scan_ns.replace(stamp_ns).map(|last_ns| stamp_ns.saturating_sub(last_ns));
+        if since_ns.is_some_and(|since_ns| since_ns < SPACING_NS) {
+            self.tally.add(topic, "scans less than 20 ms after the one before: an import joins them");
+        }
+        // An import finds the loss itself where the odometry is silent for long.
+        if scan.after_gap == AFTER_LOSS && !since_ns.is_some_and(is_gap) {
+            self.tally.add(topic, "that packets were lost before a scan is not in the bag");
+        }
+        let is_at_mount = |reading: &SonarReading| self.sensors.sonars.get(reading.sonar as usize) == Some(&reading.mount);
+        if !scan.readings().iter().all(is_at_mount) {
+            self.tally.add(topic, "readings at another mount than that of their sonar are in the bag at that of their sonar");
+        }
+    }
+
     fn scan(&mut self, time_ns: u64, stamp_ns: u64, scan: &SonarScan) -> Result<(), BagError> {
+        self.count_what_is_lost(stamp_ns, scan);
         let stamp = Time::of_ns(stamp_ns);
         let pose = at(&scan.pose);
         let mut pose_covariance = Covariance::default();

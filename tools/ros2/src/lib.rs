@@ -8,6 +8,8 @@ mod cdr;
 mod damages;
 mod error;
 mod export;
+#[cfg(test)]
+mod export_tests;
 mod files;
 mod import;
 mod interfaces;

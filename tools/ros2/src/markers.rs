@@ -44,9 +44,9 @@ struct Marker {
 }
 
 impl MarkerArray {
-    /// One figure for each walker; those of the message before are removed.
+    /// One figure for each walker, in the frame of the odometry as the log has them; those of the message before are removed.
     pub(crate) fn of(walkers: &[TrackedWalker], stamp: Time) -> Self {
-        let header = Header { stamp, frame_id: "map".to_owned() };
+        let header = Header { stamp, frame_id: "odom".to_owned() };
         let figures = walkers.iter().map(|walker| {
             let at = Vector3 { x: walker.x_m, y: walker.y_m, z: 0.5 * HEIGHT_M };
             // Tracks are numbered from 1; a number beyond 32 bits wraps.

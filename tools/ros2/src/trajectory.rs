@@ -4,8 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use messages::Pose;
 
-/// Odometry that is silent for longer tells nothing of what lies between, s. Robots publish it ten times a second or more often.
-const LONGEST_GAP_S: f64 = 1.0;
+/// Odometry that is silent for longer tells nothing of what lies between, ns. Robots publish it ten times a second or more often.
+const LONGEST_GAP_NS: u64 = 1_000_000_000;
 /// A robot that maps is slower, m/s: a faster move is a reset of the odometry.
 const FASTEST_M_S: f64 = 3.0;
 /// A shorter move may be jitter of the stamps, m.
@@ -55,7 +55,7 @@ impl Trajectory {
         let is_fast = square > (FASTEST_M_S * seconds) * (FASTEST_M_S * seconds) && square > SHORTEST_JUMP_M * SHORTEST_JUMP_M;
         if next.is_doubtful || is_fast {
             Before::Jump
-        } else if seconds > LONGEST_GAP_S {
+        } else if is_gap(next.stamp_ns - last.stamp_ns) {
             Before::Gap
         } else {
             Before::Drive
@@ -78,6 +78,11 @@ impl Trajectory {
             yaw_rad: before.pose.yaw_rad + share * turn,
         })
     }
+}
+
+/// Whether so long a time without odometry is a gap.
+pub(crate) fn is_gap(silent_ns: u64) -> bool {
+    silent_ns > LONGEST_GAP_NS
 }
 
 /// A turn as one of at most half a circle.

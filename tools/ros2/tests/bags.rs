@@ -30,6 +30,7 @@ fn sensors() -> Sensors {
         camera_height_m: 0.3,
         camera_field_of_view_rad: 70.0_f64.to_radians(),
         horizon_share: 0.45,
+        is_localised: false,
     }
 }
 

@@ -54,6 +54,7 @@ fn intact(folder: &Path) -> Messages {
         camera_height_m: 0.3,
         camera_field_of_view_rad: 1.0,
         horizon_share: 0.5,
+        is_localised: false,
     };
     export(&mut Log::open(&log).unwrap(), &sensors, &bag).unwrap();
     let bytes = std::fs::read(bag.join("bag_0.mcap")).unwrap();
