@@ -2,10 +2,11 @@
 
 mod bag;
 
+use crate::args::seconds;
 use crate::exit::BadInput;
 use crate::{exit, output};
 use clap::{Subcommand, ValueEnum};
-use drivelog::{Recovered, Selection, Table};
+use drivelog::{Recovered, Selection, Span, Table};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -26,10 +27,10 @@ pub(crate) enum LogCommand {
         #[arg(value_name = "FILE")]
         log: PathBuf,
         /// Start of the span, in seconds from the start of the log
-        #[arg(long, value_name = "S", value_parser = span, default_value = "0")]
+        #[arg(long, value_name = "S", value_parser = seconds, default_value = "0")]
         from: Duration,
         /// End of the span, in seconds from the start of the log. The default is the end of the log
-        #[arg(long, value_name = "S", value_parser = span)]
+        #[arg(long, value_name = "S", value_parser = seconds)]
         to: Option<Duration>,
         /// The new log
         #[arg(long, value_name = "LOG")]
@@ -131,7 +132,10 @@ pub(crate) fn log(command: &LogCommand) -> anyhow::Result<u8> {
         }
         LogCommand::Cut { log, from, to, out } => {
             let to_ns = to.map(nanoseconds);
-            report(out, &drivelog::select(log, &Selection { from_ns: nanoseconds(*from), to_ns, topics: Vec::new() }, out)?)?;
+            report(
+                out,
+                &drivelog::select(log, &Selection { span: Span { from_ns: nanoseconds(*from), to_ns }, topics: Vec::new() }, out)?,
+            )?;
         }
         LogCommand::Filter { log, topics, out } => {
             report(out, &drivelog::select(log, &Selection { topics: topics.clone(), ..Selection::default() }, out)?)?;
@@ -179,11 +183,6 @@ fn export_csv(log: &Path, out: &Path) -> anyhow::Result<()> {
         output::line(&format!("{}: {rows} rows of {}", path.display(), messages::printable(topic)))?;
     }
     Ok(())
-}
-
-fn span(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    seconds.ok_or_else(|| "expected seconds, from 0 on".to_owned())
 }
 
 fn nanoseconds(span: Duration) -> u64 {

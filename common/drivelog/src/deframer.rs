@@ -20,9 +20,9 @@ const CHUNK_FIELDS: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 const IN_VAIN: u64 = 4 * MAX_RECORD;
 const IN_VAIN_PER_BYTE: u64 = 16;
 
-/// The records that are read; the others are an index of them.
+/// The records that are read; most of the others are an index of them.
 pub(crate) mod opcode {
-    pub(crate) use mcap::records::op::{ATTACHMENT, CHANNEL, CHUNK, DATA_END, FOOTER, HEADER, MESSAGE, METADATA, SCHEMA};
+    pub(crate) use mcap::records::op::{ATTACHMENT, CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, HEADER, MESSAGE, METADATA, SCHEMA};
 }
 
 /// A record of the file.
@@ -104,6 +104,11 @@ impl Deframer {
             in_vain: IN_VAIN,
             crc: Some(Hasher::new()),
         }
+    }
+
+    /// For a file that is read from a record on.
+    pub(crate) fn at(offset: u64) -> Self {
+        Self { offset, stage: Stage::Records, crc: None, ..Self::new() }
     }
 
     /// Takes the next bytes of the file.

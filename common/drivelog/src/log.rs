@@ -17,6 +17,7 @@ use crate::numbers::Numbers;
 use crate::part::PartReader;
 use crate::parts::{following_parts, is_later_part};
 use crate::preamble::Preamble;
+use crate::span::{Place, Span};
 use crate::views::PoseView;
 use crate::writer::{END_TOPIC, End};
 
@@ -92,6 +93,14 @@ pub struct Log {
     expects_parts: bool,
     /// The part that was read last says that another one follows.
     continues: bool,
+    /// What of the streams is found.
+    span: Span,
+    /// Log time of the first message.
+    first_ns: Option<u64>,
+    /// A message of the span was found.
+    has_begun: bool,
+    /// Messages before the span were passed over unread: their numbers are not missing.
+    has_skipped: bool,
 }
 
 /// The file that is being read.
@@ -142,12 +151,23 @@ impl Log {
                         number,
                         expects_parts,
                         continues: false,
+                        span: Span::default(),
+                        first_ns: None,
+                        has_begun: false,
+                        has_skipped: false,
                     });
                 }
                 Err(Fault::CutAtStart { .. }) if !waiting.is_empty() => parts.push(Part { path, bytes, outcome: Outcome::Empty }),
                 Err(fault) => return Err(LogError::at(&path)(fault)),
             }
         }
+    }
+
+    /// The same log, of whose streams only the messages in a span are found. Parts and chunks before it are passed over unread where the
+    /// log has an index.
+    #[must_use]
+    pub fn within(self, span: Span) -> Self {
+        Self { span, ..self }
     }
 
     /// What the log starts with.
@@ -215,6 +235,11 @@ impl Log {
         if !self.advance()? {
             return Ok(Step::AtEnd);
         }
+        match self.place()? {
+            Place::Before => return Ok(Step::Other),
+            Place::Within => {}
+            Place::Behind => return Ok(Step::AtEnd),
+        }
         let Some(message) = self.message() else { return Ok(Step::Other) };
         let (topic, stamp_ns) = (message.channel.topic.as_str(), message.stamp_ns);
         let entry = if topic == service {
@@ -229,6 +254,34 @@ impl Log {
             return Ok(Step::Other);
         };
         entry.map(Step::Entry).map_err(|source| self.fault(source))
+    }
+
+    /// Where the current message lies. The first one of the log decides where the span begins.
+    fn place(&mut self) -> Result<Place, LogError> {
+        let Some(log_ns) = self.message().map(|message| message.log_ns) else { return Ok(Place::Within) };
+        let is_first = self.first_ns.is_none();
+        let first_ns = *self.first_ns.get_or_insert(log_ns);
+        let place = self.span.place(first_ns, log_ns);
+        self.has_begun |= place != Place::Before;
+        if is_first && place == Place::Before {
+            self.skip()?;
+        }
+        Ok(place)
+    }
+
+    /// Passes over what of the current part is before the span.
+    fn skip(&mut self) -> Result<(), LogError> {
+        let from_ns = self.first_ns.filter(|_| self.span.from_ns > 0).map(|first_ns| first_ns.saturating_add(self.span.from_ns));
+        let Some(from_ns) = from_ns else { return Ok(()) };
+        let Some(Current { path, reader, .. }) = &mut self.current else { return Ok(()) };
+        if reader.skip_to(from_ns).map_err(LogError::at(path))? {
+            self.has_skipped = true;
+            // In the span, a later part begins with messages that an earlier one has, too.
+            if !self.has_begun {
+                self.numbers.forget();
+            }
+        }
+        Ok(())
     }
 
     /// Bytes that have been read, and bytes of all files.
@@ -276,6 +329,7 @@ impl Log {
                         self.numbers.forget();
                     }
                     self.current = Some(Current { path, bytes, reader });
+                    self.skip()?;
                     return Ok(true);
                 }
                 Ok(reader) => Outcome::OtherRun(reader.preamble().run),
@@ -304,10 +358,10 @@ impl Log {
 
     /// Takes note of the number of the current message; false if the log has had it before.
     fn is_new(&mut self) -> bool {
-        let Self { current, numbers, number, removed, .. } = self;
+        let Self { current, numbers, number, removed, has_skipped, .. } = self;
         let Some(message) = current.as_ref().and_then(|current| current.reader.message()) else { return true };
         let topic = message.channel.topic.as_str();
-        !is_sequenced(topic) || numbers.take(topic, message.sequence, *number <= removed.saturating_add(1))
+        !is_sequenced(topic) || numbers.take(topic, message.sequence, *has_skipped || *number <= removed.saturating_add(1))
     }
 
     /// The error of the current message.

@@ -1,13 +1,14 @@
 //! MCAP files of other programs.
 
 use std::fs::File;
+use std::io::Seek;
 use std::path::{Path, PathBuf};
 
 use crate::damage::LogError;
 use crate::ending::Ending;
 use crate::message_reader::{MessageReader, RawMessage};
 use crate::records::RecordReader;
-use crate::summary;
+use crate::summary::Summary;
 
 /// Reads the messages of an MCAP file of any program, in the order in which they were written.
 pub struct McapReader {
@@ -25,7 +26,8 @@ impl McapReader {
     pub fn open(path: &Path) -> Result<Self, LogError> {
         let mut file = File::open(path).map_err(LogError::at(path))?;
         // Some programs name a topic in the first chunk that has it, and again only at the end: the chunk may be damaged.
-        let topics = summary::topics(&mut file).map_err(LogError::at(path))?;
+        let Summary { topics, .. } = Summary::read(&mut file).map_err(LogError::at(path))?;
+        file.rewind().map_err(LogError::at(path))?;
         Ok(Self { path: path.to_owned(), messages: MessageReader::with_topics(RecordReader::new(file), topics), has_failed: false })
     }
 

@@ -1,7 +1,7 @@
 //! From the records of an MCAP file to its messages.
 
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{self, Read, Seek};
 use std::ops::Range;
 
 use crate::chunk::unpack;
@@ -104,6 +104,22 @@ impl<R: Read> MessageReader<R> {
             let Some(record) = self.records.next()? else { return Ok(false) };
             self.open(record)?;
         }
+        Ok(true)
+    }
+
+    /// Passes over chunks whose messages are all before this log time, as far as the file has an index; true if it has passed over any.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub(crate) fn skip_to(&mut self, from_ns: u64) -> io::Result<bool>
+    where
+        R: Seek,
+    {
+        let Some((schemas, channels)) = self.records.skip_to(from_ns)? else { return Ok(false) };
+        self.schemas.extend(schemas);
+        self.channels.extend(channels);
+        self.has_chunks = true;
+        (self.message, self.cursor) = (None, self.chunk.len());
         Ok(true)
     }
 

@@ -1,6 +1,6 @@
 //! One file of a log, read from its start.
 
-use std::io::{Read, Seek};
+use std::io::{self, Read, Seek};
 
 use crate::damage::Fault;
 use crate::ending::Ending;
@@ -56,6 +56,14 @@ impl<R: Read + Seek> PartReader<R> {
     /// As [`MessageReader::advance`].
     pub(crate) fn advance(&mut self) -> Result<bool, Fault> {
         self.messages.advance()
+    }
+
+    /// Passes over what is earlier, as [`MessageReader::skip_to`].
+    ///
+    /// # Errors
+    /// As [`MessageReader::skip_to`].
+    pub(crate) fn skip_to(&mut self, from_ns: u64) -> io::Result<bool> {
+        self.messages.skip_to(from_ns)
     }
 
     /// The current message.

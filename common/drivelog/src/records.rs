@@ -1,13 +1,14 @@
 //! The records of a file and their fields.
 
 use std::collections::BTreeMap;
-use std::io::{self, ErrorKind, Read, Seek};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
 
 use crate::damage::{Damage, Fault};
 use crate::deframer::{Deframer, Frame};
 use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::logged::Format;
+use crate::summary::{Summary, Topics};
 
 /// Bytes that are read at a time.
 const READ: usize = 256 << 10;
@@ -96,6 +97,24 @@ impl<R: Read> RecordReader<R> {
     {
         self.source.rewind()?;
         Ok(self.source)
+    }
+
+    /// Continues with the messages from this log time on as far as the summary of the file says where they are; the summary's topics if it
+    /// does.
+    pub(crate) fn skip_to(&mut self, from_ns: u64) -> io::Result<Option<Topics>>
+    where
+        R: Seek,
+    {
+        let place = self.source.stream_position()?;
+        let summary = Summary::read(&mut self.source)?;
+        let Some(start) = summary.start(from_ns).filter(|start| *start > self.deframer.offset()) else {
+            self.source.seek(SeekFrom::Start(place))?;
+            return Ok(None);
+        };
+        self.source.seek(SeekFrom::Start(start))?;
+        self.deframer = Deframer::at(start);
+        self.ending = None;
+        Ok(Some(summary.topics))
     }
 
     fn read(&mut self) -> Result<(), Fault> {

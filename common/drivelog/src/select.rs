@@ -8,14 +8,13 @@ use crate::damage::{Fault, LogError};
 use crate::log::Log;
 use crate::message_reader::RawMessage;
 use crate::recover::{Recovered, copy};
+use crate::span::{Place, Span};
 
 /// What of a log is copied.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Selection {
-    /// Time from the first message on, ns; what is earlier is left out.
-    pub from_ns: u64,
-    /// Time from the first message on, ns; what is later is left out.
-    pub to_ns: Option<u64>,
+    /// Its time.
+    pub span: Span,
     /// The topics; of an empty list all.
     pub topics: Vec<String>,
 }
@@ -33,9 +32,9 @@ pub fn select(from: &Path, selection: &Selection, to: &Path) -> Result<Recovered
         if !topics.contains(topic) {
             topics.insert(topic.to_owned());
         }
-        let time_ns = message.log_ns.saturating_sub(*first_ns.get_or_insert(message.log_ns));
+        let place = selection.span.place(*first_ns.get_or_insert(message.log_ns), message.log_ns);
         let is_chosen = selection.topics.is_empty() || selection.topics.iter().any(|chosen| chosen == topic);
-        is_chosen && time_ns >= selection.from_ns && selection.to_ns.is_none_or(|to_ns| time_ns <= to_ns)
+        is_chosen && place == Place::Within
     });
     let checked = copied.and_then(|recovered| match selection.topics.iter().find(|topic| !topics.contains(*topic)) {
         Some(topic) => {

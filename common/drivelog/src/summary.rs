@@ -1,4 +1,4 @@
-//! What the end of an MCAP file says of its topics.
+//! What the end of an MCAP file says of its topics and chunks.
 
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -16,26 +16,59 @@ const UNCHECKED: usize = 4 + MAGIC.len();
 /// Schemas and channels by their numbers.
 pub(crate) type Topics = (BTreeMap<u16, Schema>, BTreeMap<u16, Channel>);
 
-/// The topics that the summary of a file names; none if it has no summary that is intact. Leaves the source at its start.
-pub(crate) fn topics<R: Read + Seek>(source: &mut R) -> io::Result<Topics> {
-    let summary = summary(source)?;
-    source.rewind()?;
-    let (mut schemas, mut channels) = (BTreeMap::new(), BTreeMap::new());
-    let mut rest = summary.as_slice();
-    while let Some((opcode, body, behind)) = split_record(rest) {
-        rest = behind;
-        let mut fields = Fields(body);
-        match opcode {
-            opcode::SCHEMA => schemas.extend(schema(&mut fields)),
-            opcode::CHANNEL => channels.extend(channel(&mut fields, &schemas)),
-            _ => {}
+/// The summary of a file.
+#[derive(Default)]
+pub(crate) struct Summary {
+    pub(crate) topics: Topics,
+    /// The chunks in the order in which they stand in the file.
+    pub(crate) chunks: Vec<ChunkPlace>,
+}
+
+/// Where a chunk stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct ChunkPlace {
+    pub(crate) offset: u64,
+    /// Bytes of its record.
+    pub(crate) length: u64,
+    /// Log time of its last message.
+    pub(crate) last_ns: u64,
+}
+
+impl Summary {
+    /// The summary of a file; an empty one if it has none that is intact. Leaves the source anywhere.
+    pub(crate) fn read<R: Read + Seek>(source: &mut R) -> io::Result<Self> {
+        let bytes = bytes(source)?;
+        let mut summary = Self::default();
+        let (schemas, channels) = &mut summary.topics;
+        let mut rest = bytes.as_slice();
+        while let Some((opcode, body, behind)) = split_record(rest) {
+            rest = behind;
+            let mut fields = Fields(body);
+            match opcode {
+                opcode::SCHEMA => schemas.extend(schema(&mut fields)),
+                opcode::CHANNEL => channels.extend(channel(&mut fields, schemas)),
+                opcode::CHUNK_INDEX => summary.chunks.extend(chunk_place(&mut fields)),
+                _ => {}
+            }
         }
+        summary.chunks.sort_unstable();
+        Ok(summary)
     }
-    Ok((schemas, channels))
+
+    /// Where reading for messages from this log time on may begin; `None` when it has to begin with the first chunk.
+    pub(crate) fn start(&self, from_ns: u64) -> Option<u64> {
+        let earlier = self.chunks.iter().take_while(|chunk| chunk.last_ns < from_ns);
+        earlier.last().map(|chunk| chunk.offset.saturating_add(chunk.length))
+    }
+}
+
+fn chunk_place(fields: &mut Fields<'_>) -> Option<ChunkPlace> {
+    let (_first_ns, last_ns) = (fields.u64()?, fields.u64()?);
+    Some(ChunkPlace { last_ns, offset: fields.u64()?, length: fields.u64()? })
 }
 
 /// The bytes from the summary to the end of the file; none if there is no summary that is intact.
-fn summary<R: Read + Seek>(source: &mut R) -> io::Result<Vec<u8>> {
+fn bytes<R: Read + Seek>(source: &mut R) -> io::Result<Vec<u8>> {
     let size = source.seek(SeekFrom::End(0))?;
     let Some(footer_at) = size.checked_sub(FOOTER) else { return Ok(Vec::new()) };
     source.seek(SeekFrom::Start(footer_at))?;
@@ -69,10 +102,17 @@ mod tests {
     }
 
     fn names(file: &[u8]) -> Vec<(String, String)> {
-        let mut source = Cursor::new(file);
-        let (_, channels) = topics(&mut source).unwrap();
-        assert_eq!(source.position(), 0);
+        let (_, channels) = Summary::read(&mut Cursor::new(file)).unwrap().topics;
         channels.into_values().map(|channel| (channel.topic, channel.format.schema_name)).collect()
+    }
+
+    #[test]
+    fn reading_begins_behind_the_chunks_that_are_earlier() {
+        let chunk = |offset, last_ns| ChunkPlace { offset, length: 10, last_ns };
+        let summary = Summary { chunks: vec![chunk(8, 5), chunk(20, 9), chunk(32, 7)], ..Summary::default() };
+        let starts = [0, 5, 6, 8, 9, 10, u64::MAX].map(|from_ns| summary.start(from_ns));
+        assert_eq!(starts, [None, None, Some(18), Some(18), Some(18), Some(42), Some(42)]);
+        assert_eq!(Summary::default().start(9), None);
     }
 
     #[test]

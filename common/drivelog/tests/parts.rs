@@ -7,7 +7,7 @@ use std::path::Path;
 
 use messages::{Heartbeat, MapTile, Payload, SonarScan};
 use proptest::prelude::*;
-use stillmap_drivelog::{Ending, Entry, Log, MapView, Outcome, Recording, info, part_path, recover};
+use stillmap_drivelog::{Ending, Entry, Log, MapView, Outcome, Recording, Selection, Span, info, part_path, recover, select};
 
 fn scan(seq: u64) -> SonarScan {
     SonarScan::new(messages::Pose { x_m: (seq % 100) as f64, ..Default::default() }, &[], false)
@@ -15,10 +15,18 @@ fn scan(seq: u64) -> SonarScan {
 
 /// The file of a recorder that received these scans, killed after the last flush or not.
 fn write(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bool) {
+    write_in_chunks(path, run, scans, killed, u64::MAX);
+}
+
+/// As [`write`], with so many scans in a chunk.
+fn write_in_chunks(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bool, chunk: u64) {
     let mut recording = Recording::new(&payloads::preamble(run)).unwrap();
     for seq in scans {
         recording.scan(seq, seq * 40_000_000, &scan(seq)).unwrap();
         recording.report(1, seq, &Heartbeat::default()).unwrap();
+        if seq.is_multiple_of(chunk) {
+            recording.flush().unwrap();
+        }
     }
     recording.flush().unwrap();
     let mut bytes = recording.take();
@@ -29,7 +37,10 @@ fn write(path: &Path, run: u64, scans: std::ops::RangeInclusive<u64>, killed: bo
 }
 
 fn scans(path: &Path) -> Vec<u64> {
-    let mut log = Log::open(path).unwrap();
+    scans_of(&mut Log::open(path).unwrap())
+}
+
+fn scans_of(log: &mut Log) -> Vec<u64> {
     let mut scans = Vec::new();
     while let Some(entry) = log.next_of::<SonarScan>().unwrap() {
         let Entry::Message { seq, stamp_ns, payload } = entry else { continue };
@@ -230,4 +241,50 @@ proptest! {
         let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
         prop_assert_eq!(counted, summary.chunk_indexes.len() as u64);
     }
+}
+
+proptest! {
+    #[test]
+    fn a_span_has_the_scans_of_the_piece_that_is_cut(
+        parts in prop::collection::vec((1_u64..40, 0_u64..10, any::<bool>(), 1_u64..8), 1..5),
+        from_ms in 0_u64..4_000,
+        length_ms in prop::option::of(0_u64..4_000),
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let [log, piece] = ["drive.mcap", "piece.mcap"].map(|name| folder.path().join(name));
+        let mut last = 0_u64;
+        for (number, (count, again, killed, chunk)) in (1..).zip(&parts) {
+            let path = if number == 1 { log.clone() } else { part_path(&log, number) };
+            // A restarted recorder receives messages of the history again.
+            let first = (last + 1).saturating_sub(*again).max(1);
+            write_in_chunks(&path, 7, first..=last + count, *killed, *chunk);
+            last += count;
+        }
+        let span = Span { from_ns: from_ms * 1_000_000, to_ns: length_ms.map(|length_ms| (from_ms + length_ms) * 1_000_000) };
+        select(&log, &Selection { span, topics: Vec::new() }, &piece).unwrap();
+        let mut found = Log::open(&log).unwrap().within(span);
+        prop_assert_eq!(scans_of(&mut found), scans(&piece));
+        prop_assert_eq!(found.gaps().lines(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn what_is_before_a_span_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("drive.mcap");
+    write_in_chunks(&path, 7, 1..=100, false, 10);
+    write_in_chunks(&part_path(&path, 2), 7, 101..=200, false, 10);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let chunks = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes.clone();
+    for chunk in &chunks[1..] {
+        bytes[chunk.chunk_start_offset as usize + 60] ^= 0xff;
+    }
+    std::fs::write(&path, bytes).unwrap();
+    let mut log = Log::open(&path).unwrap().within(Span { from_ns: 150 * 40_000_000, to_ns: None });
+    assert_eq!(scans_of(&mut log), (151..=200).collect::<Vec<_>>());
+    assert!(log.gaps().is_empty(), "{:?}", log.gaps());
+    assert!(Log::open(&path).unwrap().within(Span::default()).next_of::<SonarScan>().is_ok());
+    let mut from_the_start = Log::open(&path).unwrap();
+    let entries = std::iter::from_fn(|| from_the_start.next_of::<SonarScan>().transpose());
+    assert!(entries.take(100).any(|entry| entry.is_err()), "the damage is found");
 }

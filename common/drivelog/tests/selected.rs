@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use messages::{Pose, Progress, SonarReading, SonarScan};
-use stillmap_drivelog::{Log, Recording, Selection, export_csv, info, merge, select};
+use stillmap_drivelog::{Log, Recording, Selection, Span, export_csv, info, merge, select};
 
 const SCANS: u64 = 50;
 const MS: u64 = 1_000_000;
@@ -40,7 +40,7 @@ fn messages(path: &Path) -> Vec<(String, u32, u64, Vec<u8>)> {
 }
 
 fn cut(log: &Path, from_ms: u64, to_ms: Option<u64>, to: &Path) {
-    select(log, &Selection { from_ns: from_ms * MS, to_ns: to_ms.map(|ms| ms * MS), topics: Vec::new() }, to).unwrap();
+    select(log, &Selection { span: Span { from_ns: from_ms * MS, to_ns: to_ms.map(|ms| ms * MS) }, topics: Vec::new() }, to).unwrap();
 }
 
 #[test]
