@@ -7,6 +7,7 @@ use std::fmt::{Display, Formatter};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::time::Duration;
 
 #[derive(Debug, Clone, Args)]
 pub(crate) struct RunOptions {
@@ -71,6 +72,12 @@ pub(crate) fn check_tilde(arguments: impl Iterator<Item = OsString>) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A time in seconds.
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "expected seconds, from 0 on".to_owned())
 }
 
 fn speed(text: &str) -> Result<f64, String> {

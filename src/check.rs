@@ -2,8 +2,8 @@
 
 use crate::exit::BadInput;
 use crate::output;
+use crate::process::playback;
 use clap::Args;
-use drivelog::Log;
 use messages::{CameraFrame, SonarScan};
 use pioneer::{Address, Opening};
 use rustix::fs::OFlags;
@@ -119,7 +119,7 @@ pub(crate) fn check_files(settings: &Settings) -> anyhow::Result<()> {
 
 /// Fails for a log whose first messages cannot be played: playback would pass over all of them, and the processes would wait for ever.
 fn check_log(settings: &Settings) -> anyhow::Result<()> {
-    let open = || Log::open(&settings.playback.log);
+    let open = || playback::open(&settings.playback);
     open()?.next_of::<SonarScan>()?;
     if settings.runs(BuiltIn::Sbs) {
         open()?.next_picture::<CameraFrame>()?;

@@ -1,7 +1,7 @@
 //! `stillmap demo`: the built-in deployment. It needs no other file than the command.
 
 use crate::args::RunOptions;
-use crate::drive::{drive, once, place_output, print, unique_name};
+use crate::drive::{Driven, drive, once, place_output, print, unique_name};
 use crate::evaluate::score_run;
 use crate::{built_in, exit};
 use clap::Args;
@@ -43,8 +43,8 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
     let speed = options.speed.unwrap_or(if options.open { WATCHED_SPEED } else { SPEED });
     tracing::info!("a simulated Pioneer 1 drives through a hall in which people walk, at {speed} times real time");
     tracing::info!("the supervisor restarts every process that fails: list them with `stillmap status` and try kill -9 on one");
-    let code = drive(&settings, &Options { files, ..once(speed)? }, options.open, bars)?;
-    if code == exit::SUCCESS && settings.runs(BuiltIn::Recorder) {
+    let Driven { exit_code, .. } = drive(&settings, &Options { files, ..once(speed)? }, options.open, bars)?;
+    if exit_code == exit::SUCCESS && settings.runs(BuiltIn::Recorder) {
         let log = settings.out.join(settings.recorder.file.as_str());
         match score_run(&settings.out, &log) {
             Ok(figures) => {
@@ -54,5 +54,5 @@ pub(crate) fn demo(args: &DemoArgs, bars: &MultiProgress) -> anyhow::Result<u8> 
             Err(error) => tracing::warn!("the map cannot be scored: {error}"),
         }
     }
-    Ok(code)
+    Ok(exit_code)
 }

@@ -11,7 +11,7 @@ use messages::MapSummary;
 use settings::{BuiltIn, Name, Settings};
 use std::path::Path;
 use std::time::Instant;
-use supervisor::{Options, Outcome, OutputFolder, Report};
+use supervisor::{Ending, Options, Outcome, OutputFolder, Report};
 
 /// Applies the output folder of the command line and creates it.
 pub(crate) fn place_output(settings: &mut Settings, options: &RunOptions) -> anyhow::Result<()> {
@@ -58,8 +58,17 @@ pub(crate) fn once(speed: f64) -> anyhow::Result<Options> {
     Ok(Options { speed, executable: "/proc/self/exe".into(), state: None, fresh: false, files: Vec::new() })
 }
 
-/// Runs a deployment and prints its summary; the exit code. With `open` a browser shows the page.
-pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &MultiProgress) -> anyhow::Result<u8> {
+/// A run that has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Driven {
+    /// The exit code that says what came of it.
+    pub(crate) exit_code: u8,
+    /// It came to its end by itself, and no process failed.
+    pub(crate) is_complete: bool,
+}
+
+/// Runs a deployment and prints its summary. With `open` a browser shows the page.
+pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &MultiProgress) -> anyhow::Result<Driven> {
     let started = Instant::now();
     let mut progress = Progress::new(bars);
     let mut page = Page::of(settings, open);
@@ -74,10 +83,11 @@ pub(crate) fn drive(settings: &Settings, options: &Options, open: bool, bars: &M
     progress.end();
     let outcome = result?;
     print(&summary(settings, &outcome, &shortfall, started.elapsed().as_secs_f64()));
-    Ok(match outcome.exit_code() {
+    let exit_code = match outcome.exit_code() {
         exit::SUCCESS if shortfall.is_incomplete() => exit::INCOMPLETE,
         code => code,
-    })
+    };
+    Ok(Driven { exit_code, is_complete: outcome.ending == Ending::Complete && outcome.exit_code() == exit::SUCCESS })
 }
 
 /// Prints lines about a run that has ended. The exit code does not depend on whether they could be written.

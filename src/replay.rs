@@ -1,14 +1,17 @@
 //! `stillmap replay`: a deployment with a log in place of the robot.
 
-use crate::args::RunOptions;
+use crate::args::{RunOptions, seconds};
 use crate::drive::{drive, once, place_output, unique_name};
 use crate::exit::BadInput;
+use crate::process::playback;
 use clap::{Args, ValueEnum};
-use drivelog::{Entry, Log};
+use drivelog::Entry;
 use indicatif::MultiProgress;
 use messages::SonarScan;
-use settings::{BuiltIn, Injector, Process, Program, Settings, Viewer};
+use settings::{BuiltIn, Injector, LogTime, Playback, Process, Program, Settings, Viewer};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use supervisor::StopAsked;
 
 /// Arguments of `stillmap replay`.
 #[derive(Debug, Args)]
@@ -22,6 +25,15 @@ pub(crate) struct ReplayArgs {
     /// Settings file in place of the settings in the log
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
+    /// Start of what is replayed, in seconds from the start of the log. The map begins empty there
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "0")]
+    from: Duration,
+    /// End of what is replayed, in seconds from the start of the log. The default is the end of the log
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    to: Option<Duration>,
+    /// Replay again and again until stopped. Each round is a new deployment, whose map replaces that of the round before
+    #[arg(long = "loop")]
+    repeats: bool,
     #[command(flatten)]
     options: RunOptions,
 }
@@ -36,20 +48,35 @@ pub(crate) enum Pace {
 
 /// Replays a log; the exit code.
 pub(crate) fn replay(args: &ReplayArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
-    let ReplayArgs { log, pace, settings, options } = args;
-    let recorded = read_settings(log)?;
+    let ReplayArgs { log, pace, settings, from, to, repeats, options } = args;
+    let (from_s, to_s) = (log_time(*from)?, to.map(log_time).transpose()?);
+    let played = Playback { log: std::path::absolute(log)?, from_s, to_s, ..Playback::default() };
+    let recorded = read_settings(&played)?;
     let recorded = match settings {
         Some(file) => Settings::read(file)?,
         None => recorded_settings(log, &recorded)?,
     };
-    let mut settings = deployment(recorded, std::path::absolute(log)?, *pace)?;
+    let mut settings = deployment(recorded, played, *pace)?;
     place_output(&mut settings, options)?;
     let how = match pace {
         Pace::Lockstep => "in lockstep, as fast as every process can follow",
         Pace::Live => "at the pace of the drive",
     };
     tracing::info!("replaying {} {how}", log.display());
-    drive(&settings, &once(options.speed.unwrap_or(1.0))?, options.open, bars)
+    // It may come when a round has ended by itself.
+    let stop = StopAsked::watch()?;
+    let run = once(options.speed.unwrap_or(1.0))?;
+    let mut driven = drive(&settings, &run, options.open, bars)?;
+    // The page of the first round stays open and joins the next ones.
+    while *repeats && driven.is_complete && !stop.has_come() {
+        tracing::info!("replaying {} again", log.display());
+        driven = drive(&settings, &run, false, bars)?;
+    }
+    Ok(driven.exit_code)
+}
+
+fn log_time(time: Duration) -> Result<LogTime, BadInput> {
+    LogTime::try_from(time.as_secs_f64()).map_err(|error| BadInput(format!("a time in the log: {error}")))
 }
 
 /// The deployment of a log, from the settings in it. Keys that this version does not know are named in a warning.
@@ -61,12 +88,16 @@ pub(crate) fn recorded_settings(log: &Path, text: &str) -> anyhow::Result<Settin
     Ok(settings)
 }
 
-/// The settings of the recorded deployment. Fails if the log has no scan.
-fn read_settings(path: &Path) -> anyhow::Result<String> {
-    let mut log = Log::open(path)?;
+/// The settings of the recorded deployment. Fails if the log has no scan in what is played.
+fn read_settings(played: &Playback) -> anyhow::Result<String> {
+    let mut log = playback::open(played)?;
     match log.next_of::<SonarScan>()? {
         Some(Entry::Message { .. }) => Ok(log.preamble().settings.clone()),
-        Some(Entry::End { .. }) | None => Err(BadInput(format!("{}: has no scan to replay", path.display())).into()),
+        Some(Entry::End { .. }) | None => {
+            let to = played.to_s.map(|to_s| format!(" to {} s", to_s.get())).unwrap_or_default();
+            let from = if played.from_s > LogTime::MIN { format!(" from {} s on", played.from_s.get()) } else { String::new() };
+            Err(BadInput(format!("{}: has no scan to replay{from}{to}", played.log.display())).into())
+        }
     }
 }
 
@@ -77,14 +108,14 @@ pub(crate) fn is_replayed(kind: BuiltIn) -> bool {
 
 /// The recorded deployment with playback in place of its drivers. It records nothing and injects no fault, starts no program, and its
 /// viewer has the default settings: a log from elsewhere must not open the page to a network.
-fn deployment(mut settings: Settings, log: PathBuf, pace: Pace) -> anyhow::Result<Settings> {
+fn deployment(mut settings: Settings, played: Playback, pace: Pace) -> anyhow::Result<Settings> {
     settings.name = unique_name("replay")?;
     settings.out = PathBuf::from("replay-out");
     settings.pace = match pace {
         Pace::Lockstep => settings::Pace::Lockstep,
         Pace::Live => settings::Pace::Live,
     };
-    settings.playback.log = log;
+    settings.playback = Playback { window: settings.playback.window, ..played };
     settings.viewer = Viewer::default();
     settings.injector = Injector::default();
     settings.fault.clear();
@@ -119,7 +150,8 @@ mod tests {
     #[test]
     fn a_replay_has_playback_in_place_of_the_robot() {
         let recorded = Settings::parse("demo.toml", include_str!("../config/demo.toml")).unwrap();
-        let replay = deployment(recorded.clone(), "/logs/drive.mcap".into(), Pace::Lockstep).unwrap();
+        let replay =
+            deployment(recorded.clone(), Playback { log: "/logs/drive.mcap".into(), ..Playback::default() }, Pace::Lockstep).unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
         assert_eq!(names, ["mapping", "fti", "std", "sbs", "playback"]);
         assert!(replay.process.last().unwrap().ends_run);
@@ -137,7 +169,7 @@ mod tests {
         let mut recorded = Settings::parse("demo.toml", &demo.replace("[viewer]\naddress = \"127.0.0.1\"", viewer)).unwrap();
         recorded.supervisor.on_event = vec!["sh".into(), "-c".into(), "a program of strangers".into()];
         assert!(!recorded.viewer.address.get().is_loopback() && recorded.routed_services().len() == 1);
-        let replay = deployment(recorded, "/logs/drive.mcap".into(), Pace::Live).unwrap();
+        let replay = deployment(recorded, Playback { log: "/logs/drive.mcap".into(), ..Playback::default() }, Pace::Live).unwrap();
         assert_eq!((replay.viewer.clone(), replay.fault.len(), replay.routed_services().len()), (Viewer::default(), 0, 0));
         assert!(replay.supervisor.on_event.is_empty());
         replay.check().unwrap();
@@ -146,7 +178,12 @@ mod tests {
     #[test]
     fn a_log_without_a_map_can_be_mapped() {
         let text = "name = \"x\"\n[[process]]\nname = \"recorder\"\nrun = \"recorder\"\n[[process]]\nname = \"d\"\ncommand = [\"d\"]\n";
-        let replay = deployment(Settings::parse("x.toml", text).unwrap(), "/logs/drive.mcap".into(), Pace::Live).unwrap();
+        let replay = deployment(
+            Settings::parse("x.toml", text).unwrap(),
+            Playback { log: "/logs/drive.mcap".into(), ..Playback::default() },
+            Pace::Live,
+        )
+        .unwrap();
         let names: Vec<&str> = replay.process.iter().map(|process| process.name.as_str()).collect();
         assert_eq!(names, ["mapping", "viewer", "playback"], "a live replay has a page");
         replay.check().unwrap();

@@ -32,5 +32,5 @@ pub(crate) fn run(args: &RunArgs, bars: &MultiProgress) -> anyhow::Result<u8> {
     let starts_over = settings.runs(BuiltIn::Simulator) || settings.runs(BuiltIn::Playback);
     let state = (!starts_over).then(|| settings.out.join("state"));
     let run = Options { state, fresh: *fresh, ..drive::once(options.speed.unwrap_or(1.0))? };
-    drive::drive(&settings, &run, options.open, bars)
+    Ok(drive::drive(&settings, &run, options.open, bars)?.exit_code)
 }

@@ -1,6 +1,9 @@
 //! Logs that become bags of ROS 2 and logs again, and pieces of logs.
 
+use rustix::process::Signal;
+
 use crate::harness::Sandbox;
+use crate::harness::processes::signal;
 use crate::harness::replay::{DRIVE, replay};
 
 /// Runs a `log` command that succeeds.
@@ -45,4 +48,34 @@ fn a_log_is_replayed_with_other_settings() {
     };
     assert!(replayed(&[], "as-recorded").contains("resolution: 0.05\n"));
     assert!(replayed(&["--settings", coarse.to_str().unwrap()], "coarser").contains("resolution: 0.1\n"));
+}
+
+#[test]
+fn a_span_replays_as_the_piece_that_is_cut_of_it() {
+    let sandbox = Sandbox::new();
+    let log = DRIVE.log(&sandbox);
+    let log = log.to_str().unwrap();
+    log_command(&sandbox, &["cut", log, "--from", "5", "--to", "15", "--out", "piece.mcap"]);
+    let of_the_piece = sandbox.output(["replay", "piece.mcap", "--out", "piece"]).map();
+    assert_ne!(of_the_piece, DRIVE.map);
+    assert_eq!(sandbox.output(["replay", log, "--from", "5", "--to", "15", "--out", "span"]).map(), of_the_piece);
+    let beyond = sandbox.output(["replay", log, "--from", "100000", "--out", "beyond"]);
+    beyond.assert_code(2);
+}
+
+#[test]
+fn a_replay_in_a_loop_ends_when_it_is_stopped() {
+    let sandbox = Sandbox::new();
+    let log = DRIVE.log(&sandbox);
+    let mut run = sandbox.start(sandbox.stillmap(["replay", log.to_str().unwrap(), "--to", "10", "--loop", "--out", "map"]));
+    for _ in 0..2 {
+        run.wait_for_line(" again");
+    }
+    // The third round has begun.
+    run.wait_for_line("playing");
+    signal(run.pid(), Signal::INT);
+    let ended = run.end();
+    ended.assert_code(0);
+    let maps: Vec<&str> = ended.stdout.lines().filter(|line| line.starts_with("map sha256")).collect();
+    assert!(maps.len() >= 2 && maps[0] == maps[1], "{maps:?}");
 }

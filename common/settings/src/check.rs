@@ -107,7 +107,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Scans have one source, and the pace suits it.
+    /// Scans have one source, and its pace and span suit it.
     fn check_source(&self) -> Result<(), Fault> {
         let foreign = self.process.iter().any(|process| matches!(process.program, Program::Command(_)));
         let sources: Vec<usize> = (0..self.process.len())
@@ -131,6 +131,9 @@ impl Settings {
         }
         if self.runs(BuiltIn::Simulator) && self.runs(BuiltIn::Playback) {
             return Err(Fault::new("process", "one world, either that of \"simulator\" or that of \"playback\""));
+        }
+        if self.playback.to_s.is_some_and(|to_s| to_s.get() < self.playback.from_s.get()) {
+            return Err(Fault::new("playback.to_s", "a time that is not before playback.from_s"));
         }
         Ok(())
     }

@@ -67,7 +67,7 @@ pub use mapping::{
     NoEchoFree, OccupiedFade, OccupiedPeak, RangeSpread, Tuning,
 };
 pub use pioneer::{Baud, LinkTimeout, Pioneer, PulseInterval, SharePort, SpeedLimit, TurnLimit};
-pub use playback::{Playback, Window};
+pub use playback::{LogTime, Playback, Window};
 pub use programs::{BuiltIn, Process, Program, Published};
 pub use recorder::{FlushInterval, FreeSpace, LogSpace, Recorder};
 pub use reference::{reference, schema};

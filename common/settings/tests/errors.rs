@@ -344,3 +344,12 @@ fn tables_of_the_paper_are_whole_and_of_known_sets() {
         assert!(line.starts_with("demo.toml:17: fti.paper.tables.size[4]"), "{line}");
     }
 }
+
+#[test]
+fn a_span_of_a_log_ends_behind_its_start() {
+    let playback =
+        "name = \"x\"\nprocess = [{ name = \"p\", run = \"playback\" }, { name = \"mapping\", run = \"mapping\" }]\n[playback]\n";
+    let expected = "demo.toml:5: playback.to_s = 1.5: expected a time that is not before playback.from_s";
+    assert_eq!(refused(&format!("{playback}from_s = 2\nto_s = 1.5")), expected);
+    assert!(Settings::parse("demo.toml", &format!("{playback}from_s = 2\nto_s = 2")).is_ok());
+}

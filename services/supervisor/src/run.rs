@@ -23,6 +23,7 @@ use crate::removal::Removal;
 use crate::requests::take_restart_requests;
 use crate::running::{Options, Report, RunError};
 use crate::service::ServiceManager;
+use crate::signals::stop_requests;
 use crate::vitals::{MachineUnits, Vitals};
 use crate::watch::{Watch, free_mb};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
@@ -31,7 +32,6 @@ use runtime::{PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{BuiltIn, Program, RoutedService, Settings};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::collections::VecDeque;
 use std::io::{self, Read};
 use std::os::fd::AsFd;
@@ -159,7 +159,7 @@ impl<'a> Supervisor<'a> {
         for (path, contents) in &options.files {
             std::fs::write(path, contents).map_err(|source| RunError::File { path: path.clone(), source })?;
         }
-        let stop_requests = catch_signals().map_err(|source| RunError::System { what: "signals", source })?;
+        let stop_requests = stop_requests().map_err(|source| RunError::System { what: "signals", source })?;
         let routed: Vec<&str> = settings.routed_services().into_iter().map(RoutedService::name).collect();
         let made_with = what_the_map_depends_on(settings)?;
         let persisted = options.state.as_deref().map(|folder| PersistedState { folder, made_with: &made_with, fresh: options.fresh });
@@ -638,14 +638,4 @@ fn already_running(settings: &Settings, error: RunError) -> RunError {
 /// The settings under which the state of a run can be resumed: those of the robot, and of what is made of its readings.
 fn what_the_map_depends_on(settings: &Settings) -> Result<String, RunError> {
     Ok(Settings { robot: settings.robot.clone(), mapping: settings.mapping.clone(), ..Settings::default() }.to_toml()?)
-}
-
-/// SIGINT, SIGTERM and SIGHUP as bytes to read.
-fn catch_signals() -> io::Result<UnixStream> {
-    let (requests, end) = UnixStream::pair()?;
-    requests.set_nonblocking(true)?;
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::low_level::pipe::register(signal, end.try_clone()?)?;
-    }
-    Ok(requests)
 }

@@ -7,11 +7,11 @@ use std::time::{Duration, Instant};
 use ::playback::{Answers, Behind, Consumer, Resume, STREAMS, Schedule, Turn, turn};
 use anyhow::Result;
 use bus::{Reader, Received};
-use drivelog::{Gaps, Log, LogVisitor, Logged, visit_logged};
+use drivelog::{Gaps, Log, LogError, LogVisitor, Logged, Span, visit_logged};
 use lane::{Cursor, Images, Lane, Limit, Messages, Source};
 use messages::{CameraFrame, CameraMotion, DeploymentStatus, Payload, Pictures, PlaybackControl, Progress, Replay, Service, SonarScan};
 use runtime::{Checkpoint, Context, Next, Shell, StepError};
-use settings::{BuiltIn, Pace, Program, Settings};
+use settings::{BuiltIn, LogTime, Pace, Program, Settings};
 
 /// Most entries of the log looked at in one step: the heartbeat must not wait for a long log.
 const MOST_AT_ONCE: usize = 1024;
@@ -31,7 +31,7 @@ pub(crate) const FRAMES_MISSING: &str = "frames missing";
 /// # Errors
 /// When the log cannot be read or the bus fails.
 pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
-    let log = Log::open(&settings.playback.log)?;
+    let log = open(&settings.playback)?;
     tracing::info!("playing {}: {}", settings.playback.log.display(), log.preamble().origin);
     let membership = shell.membership();
     let (speed, restarted) = (membership.speed(), membership.incarnation() > 0);
@@ -60,6 +60,16 @@ pub(super) fn run(mut shell: Shell, settings: &Settings) -> Result<()> {
     Ok(shell.run(&mut playback)?)
 }
 
+/// The log that is played, of whose streams the span of the settings is found.
+///
+/// # Errors
+/// As [`Log::open`].
+pub(crate) fn open(playback: &settings::Playback) -> Result<Log, LogError> {
+    let ns = |time: LogTime| Duration::from_secs_f64(time.get()).as_nanos() as u64;
+    let span = Span { from_ns: ns(playback.from_s), to_ns: playback.to_s.map(ns) };
+    Ok(Log::open(&playback.log)?.within(span))
+}
+
 /// The streams of the registry that are played. Each reads the log by itself: messages that were recorded together need not be in
 /// the order of sensor time.
 fn lanes(shell: &mut Shell, settings: &Settings, resume: &Resume, restarted: bool) -> Result<Vec<Lane>> {
@@ -82,7 +92,7 @@ impl Opening<'_> {
     fn cursor<T>(&self, service: &Service) -> Result<Option<Cursor<T>>> {
         // SBS detects the camera motion again in the pictures.
         let is_made_again = service.name == CameraMotion::SERVICE.name && !self.settings.playback.camera_motion;
-        Ok(if service.replay.is_some() && !is_made_again { Some(Cursor::new(Log::open(&self.settings.playback.log)?)) } else { None })
+        Ok(if service.replay.is_some() && !is_made_again { Some(Cursor::new(open(&self.settings.playback)?)) } else { None })
     }
 
     fn limits(&self, service: &Service, window: u32, lead: u32) -> Vec<Limit> {
