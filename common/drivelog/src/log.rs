@@ -17,7 +17,7 @@ use crate::numbers::Numbers;
 use crate::part::PartReader;
 use crate::parts::{following_parts, is_later_part};
 use crate::preamble::Preamble;
-use crate::span::{Place, Span};
+use crate::span::{Span, Timing};
 use crate::views::PoseView;
 use crate::writer::{END_TOPIC, End};
 
@@ -235,10 +235,10 @@ impl Log {
         if !self.advance()? {
             return Ok(Step::AtEnd);
         }
-        match self.place()? {
-            Place::Before => return Ok(Step::Other),
-            Place::Within => {}
-            Place::Behind => return Ok(Step::AtEnd),
+        match self.timing()? {
+            Timing::Before => return Ok(Step::Other),
+            Timing::Within => {}
+            Timing::Behind => return Ok(Step::AtEnd),
         }
         let Some(message) = self.message() else { return Ok(Step::Other) };
         let (topic, stamp_ns) = (message.channel.topic.as_str(), message.stamp_ns);
@@ -257,16 +257,16 @@ impl Log {
     }
 
     /// Where the current message lies. The first one of the log decides where the span begins.
-    fn place(&mut self) -> Result<Place, LogError> {
-        let Some(log_ns) = self.message().map(|message| message.log_ns) else { return Ok(Place::Within) };
+    fn timing(&mut self) -> Result<Timing, LogError> {
+        let Some(log_ns) = self.message().map(|message| message.log_ns) else { return Ok(Timing::Within) };
         let is_first = self.first_ns.is_none();
         let first_ns = *self.first_ns.get_or_insert(log_ns);
-        let place = self.span.place(first_ns, log_ns);
-        self.has_begun |= place != Place::Before;
-        if is_first && place == Place::Before {
+        let timing = self.span.timing(first_ns, log_ns);
+        self.has_begun |= timing != Timing::Before;
+        if is_first && timing == Timing::Before {
             self.skip()?;
         }
-        Ok(place)
+        Ok(timing)
     }
 
     /// Passes over what of the current part is before the span.

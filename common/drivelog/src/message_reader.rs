@@ -1,7 +1,7 @@
 //! From the records of an MCAP file to its messages.
 
 use std::collections::BTreeMap;
-use std::io::{self, Read, Seek};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 
 use crate::chunk::unpack;
@@ -11,7 +11,7 @@ use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::preamble::CONTINUED;
 use crate::records::{Channel, Record, RecordReader, Schema, channel, damage, named_texts, schema};
-use crate::summary::Topics;
+use crate::summary::{Summary, Topics};
 
 /// A message as the file has it.
 #[derive(Debug, Clone, Copy)]
@@ -115,7 +115,16 @@ impl<R: Read> MessageReader<R> {
     where
         R: Seek,
     {
-        let Some((schemas, channels)) = self.records.skip_to(from_ns)? else { return Ok(false) };
+        let offset = self.records.offset();
+        let source = self.records.source();
+        let place = source.stream_position()?;
+        let summary = Summary::read(source)?;
+        let Some(start) = summary.start(from_ns).filter(|start| *start > offset) else {
+            source.seek(SeekFrom::Start(place))?;
+            return Ok(false);
+        };
+        self.records.continue_at(start)?;
+        let (schemas, channels) = summary.topics;
         self.schemas.extend(schemas);
         self.channels.extend(channels);
         self.has_chunks = true;

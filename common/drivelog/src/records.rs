@@ -8,7 +8,6 @@ use crate::deframer::{Deframer, Frame};
 use crate::ending::Ending;
 use crate::fields::Fields;
 use crate::logged::Format;
-use crate::summary::{Summary, Topics};
 
 /// Bytes that are read at a time.
 const READ: usize = 256 << 10;
@@ -73,7 +72,7 @@ impl<R: Read> RecordReader<R> {
                 Ok(None) if self.deframer.has_ended() => self.ending = Some(self.deframer.ending()),
                 Ok(None) => {
                     if let Err(error) = self.read() {
-                        // A disk that fails here fails again: whoever continues behind the error finds the end.
+                        // A disk that fails here fails again: a reader that continues behind the error finds the end.
                         self.ending = Some(Ending::Cut { offset: self.deframer.offset() });
                         return Err(error);
                     }
@@ -99,22 +98,20 @@ impl<R: Read> RecordReader<R> {
         Ok(self.source)
     }
 
-    /// Continues with the messages from this log time on as far as the summary of the file says where they are; the summary's topics if it
-    /// does.
-    pub(crate) fn skip_to(&mut self, from_ns: u64) -> io::Result<Option<Topics>>
+    /// What is read, at any place: [`continue_at`](Self::continue_at) finds the next record.
+    pub(crate) fn source(&mut self) -> &mut R {
+        &mut self.source
+    }
+
+    /// Continues with the record that starts here.
+    pub(crate) fn continue_at(&mut self, offset: u64) -> io::Result<()>
     where
         R: Seek,
     {
-        let place = self.source.stream_position()?;
-        let summary = Summary::read(&mut self.source)?;
-        let Some(start) = summary.start(from_ns).filter(|start| *start > self.deframer.offset()) else {
-            self.source.seek(SeekFrom::Start(place))?;
-            return Ok(None);
-        };
-        self.source.seek(SeekFrom::Start(start))?;
-        self.deframer = Deframer::at(start);
+        self.source.seek(SeekFrom::Start(offset))?;
+        self.deframer = Deframer::at(offset);
         self.ending = None;
-        Ok(Some(summary.topics))
+        Ok(())
     }
 
     fn read(&mut self) -> Result<(), Fault> {

@@ -8,7 +8,7 @@ use crate::damage::{Fault, LogError};
 use crate::log::Log;
 use crate::message_reader::RawMessage;
 use crate::recover::{Recovered, copy};
-use crate::span::{Place, Span};
+use crate::span::{Span, Timing};
 
 /// What of a log is copied.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -32,9 +32,9 @@ pub fn select(from: &Path, selection: &Selection, to: &Path) -> Result<Recovered
         if !topics.contains(topic) {
             topics.insert(topic.to_owned());
         }
-        let place = selection.span.place(*first_ns.get_or_insert(message.log_ns), message.log_ns);
+        let timing = selection.span.timing(*first_ns.get_or_insert(message.log_ns), message.log_ns);
         let is_chosen = selection.topics.is_empty() || selection.topics.iter().any(|chosen| chosen == topic);
-        is_chosen && place == Place::Within
+        is_chosen && timing == Timing::Within
     });
     let checked = copied.and_then(|recovered| match selection.topics.iter().find(|topic| !topics.contains(*topic)) {
         Some(topic) => {

@@ -11,7 +11,7 @@ pub struct Span {
 
 /// Where a message lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum Timing {
     Before,
     Within,
     Behind,
@@ -19,14 +19,14 @@ pub(crate) enum Place {
 
 impl Span {
     /// Where a message of this log time lies, in a log whose first message has the log time `first_ns`.
-    pub(crate) fn place(&self, first_ns: u64, log_ns: u64) -> Place {
+    pub(crate) fn timing(&self, first_ns: u64, log_ns: u64) -> Timing {
         let since_ns = log_ns.saturating_sub(first_ns);
         if since_ns < self.from_ns {
-            Place::Before
+            Timing::Before
         } else if self.to_ns.is_some_and(|to_ns| since_ns > to_ns) {
-            Place::Behind
+            Timing::Behind
         } else {
-            Place::Within
+            Timing::Within
         }
     }
 }

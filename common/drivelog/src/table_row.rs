@@ -50,11 +50,11 @@ pub(crate) fn rows(
     let mut keys = row.clone();
     keys.add("seq", message.get("seq").map(cell).unwrap_or_default());
     let mut lists = Lists { topic, each };
-    lists.row(&Place { list: "", keys: &keys, is_message: true }, message, row)
+    lists.row(&Nesting { list: "", keys: &keys, is_message: true }, message, row)
 }
 
 /// Where in a message a value stands.
-struct Place<'a> {
+struct Nesting<'a> {
     /// The list that has it; empty for the message.
     list: &'a str,
     /// What the rows of lists in it begin with.
@@ -69,13 +69,13 @@ struct Lists<'a> {
 
 impl Lists<'_> {
     /// The row of a message or an entry, and before it those of the lists in it.
-    fn row(&mut self, place: &Place<'_>, value: &Value, mut row: Row) -> Result<(), LogError> {
+    fn row(&mut self, place: &Nesting<'_>, value: &Value, mut row: Row) -> Result<(), LogError> {
         self.flatten(place, "", value, &mut row)?;
         (self.each)(TableOf { topic: self.topic.to_owned(), list: place.list.to_owned() }, row)
     }
 
     /// Adds a value as one column or, if it has fields or entries, as several. A list of a message and one with objects in it become tables.
-    fn flatten(&mut self, place: &Place<'_>, name: &str, value: &Value, row: &mut Row) -> Result<(), LogError> {
+    fn flatten(&mut self, place: &Nesting<'_>, name: &str, value: &Value, row: &mut Row) -> Result<(), LogError> {
         match value {
             Value::Object(fields) => fields.iter().try_for_each(|(field, value)| self.flatten(place, &join(name, field), value, row)),
             Value::Array(entries) if place.is_message || entries.iter().any(has_fields) => self.list(place, name, entries),
@@ -90,14 +90,14 @@ impl Lists<'_> {
     }
 
     /// The rows of a list. Each has the number of its entry and, in a list in another, those of the entries that it is in.
-    fn list(&mut self, place: &Place<'_>, name: &str, entries: &[Value]) -> Result<(), LogError> {
+    fn list(&mut self, place: &Nesting<'_>, name: &str, entries: &[Value]) -> Result<(), LogError> {
         let name = if name.is_empty() { "value" } else { name };
         let list = join(place.list, name);
         for (index, entry) in entries.iter().enumerate() {
             let (mut row, mut keys) = (place.keys.clone(), place.keys.clone());
             row.add("index", index.to_string());
             keys.add(&join(&list, "index"), index.to_string());
-            self.row(&Place { list: &list, keys: &keys, is_message: false }, entry, row)?;
+            self.row(&Nesting { list: &list, keys: &keys, is_message: false }, entry, row)?;
         }
         Ok(())
     }

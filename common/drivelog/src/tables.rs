@@ -119,7 +119,7 @@ fn visit(from: &Path, each: &mut dyn FnMut(TableOf, Row) -> Result<(), LogError>
     }
 }
 
-/// The name of a table's file, which no other table has. Topics and fields are of whoever wrote the log: none may name another folder.
+/// The name of a table's file, which no other table has. Topics and fields come from any program: none may name another folder.
 fn file_name(table: &TableOf, names: &mut BTreeSet<String>) -> String {
     let TableOf { topic, list } = table;
     let text = if list.is_empty() { topic.clone() } else { format!("{topic}.{list}") };

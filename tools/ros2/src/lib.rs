@@ -23,6 +23,7 @@ mod survey;
 mod tally;
 mod trajectory;
 mod transforms;
+mod visit;
 
 pub use bag::Bag;
 pub use camera_mount::{CameraMount, Optics};

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use rusqlite::limits::Limit;
 use rusqlite::{Connection, OpenFlags};
 
-use crate::bag::Visit;
 use crate::error::BagError;
 use crate::files::Readable;
 use crate::message::{MAX_MESSAGE, Topic};
+use crate::visit::Visit;
 
 /// Passes on the messages in the order in which they were recorded.
 pub(crate) fn visit(file: &Readable<'_>, visit: &mut Visit<'_>) -> Result<(), BagError> {
@@ -24,7 +24,7 @@ pub(crate) fn visit(file: &Readable<'_>, visit: &mut Visit<'_>) -> Result<(), Ba
 fn read(file: &Readable<'_>, visit: &mut Visit<'_>) -> Result<(), BagError> {
     let fault = |error| BagError::sqlite(file.path)(error);
     let bag = Connection::open_with_flags(file.storage(), OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(fault)?;
-    // The schema is of whoever made the bag: it must neither call functions nor ask for any memory.
+    // The schema comes from any program: it must neither call functions nor ask for any memory.
     bag.pragma_update(None, "trusted_schema", false).map_err(fault)?;
     bag.set_limit(Limit::SQLITE_LIMIT_LENGTH, MAX_MESSAGE as i32).map_err(fault)?;
     for table in ["topics", "messages"] {
