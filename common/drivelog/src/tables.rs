@@ -67,7 +67,7 @@ pub fn export_csv(from: &Path, to: &Path) -> Result<Tables, LogError> {
     }
     let damages = visit(from, &mut |table, row| {
         let Some(open) = tables.get_mut(&table) else { return Ok(()) };
-        let cells: BTreeMap<&str, &str> = row.cells().map(|(column, cell)| (column, cell)).collect();
+        let cells: BTreeMap<&str, &str> = row.cells().collect();
         let line = open.columns.iter().map(|column| cells.get(column.as_str()).copied().unwrap_or_default());
         open.rows += 1;
         open.writer.write_record(line).map_err(|error| LogError::at(&open.path)(std::io::Error::from(error)))
