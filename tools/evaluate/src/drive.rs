@@ -88,7 +88,7 @@ impl Drive {
                 })
                 .collect();
             let scan = SonarScan::new(packet.odometry, &readings, false);
-            scans.push(Scan { seq: packet.number, stamp_ns: packet.stamp_ns, scan, truth });
+            scans.push(Scan { seq: packet.number, stamp_ns: packet.stamp_ns, scan, truth, placed: None });
         }
         let frames = camera.map(|setup| setup.frames(world, seed)).unwrap_or_default();
         let truth = Truth::new(&surfaces, &scans);

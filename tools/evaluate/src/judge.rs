@@ -1,7 +1,7 @@
 //! A drive through STD, FTI and the mapper, in this process.
 
-use mapping::{CommitRule, Mapper};
-use messages::{EchoLabel, FilterVerdict, Layer, SonarMotion};
+use mapping::{CommitRule, Mapper, PoseRule};
+use messages::{EchoLabel, FilterVerdict, Layer, Pose, RobotEstimate, SmoothedPose, SonarMotion};
 use stillmap_std::Std;
 
 use crate::drive::Drive;
@@ -98,15 +98,26 @@ pub fn judge(drive: &Drive, parameters: &mapping::Parameters, verdicts: &[Filter
 /// # Errors
 /// Parameters or verdicts that the mapper refuses.
 pub fn mapped(drive: &Drive, parameters: &mapping::Parameters, verdicts: &[FilterVerdict]) -> Result<Mapper, FilterError> {
-    let parameters = mapping::Parameters { commit: CommitRule::Verdict, keep_unfiltered: true, ..parameters.clone() };
+    let poses = if drive.scans.iter().any(|scan| scan.placed.is_some()) { PoseRule::Estimate } else { PoseRule::Odometry };
+    let parameters = mapping::Parameters { commit: CommitRule::Verdict, poses, keep_unfiltered: true, ..parameters.clone() };
     let mut mapper = Mapper::new(&parameters)?;
-    for (Scan { seq, stamp_ns, scan, .. }, verdict) in drive.scans.iter().zip(verdicts) {
+    for (Scan { seq, stamp_ns, scan, placed, .. }, verdict) in drive.scans.iter().zip(verdicts) {
         mapper.step(mapping::Input::Scan { seq: *seq, stamp_ns: *stamp_ns, scan })?;
+        if let Some(pose) = placed {
+            mapper.step(mapping::Input::Estimate { seq: *seq, estimate: &estimate(*seq, *pose) })?;
+        }
         mapper.step(mapping::Input::Verdict { seq: *seq, verdict })?;
     }
     mapper.step(mapping::Input::End)?;
     mapper.refresh();
     Ok(mapper)
+}
+
+/// That a scan is where this pose says.
+fn estimate(seq: u64, pose: Pose) -> RobotEstimate {
+    let mut estimate = RobotEstimate { count: 1, ..RobotEstimate::default() };
+    estimate.smoothed[0] = SmoothedPose { seq, map_from_robot: pose, is_placed: 1, reserved: 0 };
+    estimate
 }
 
 /// The verdicts of who knows where each echo came from: all that came from a walker, straight or by a mirror, are withheld.

@@ -129,6 +129,21 @@ mod tests {
     use simulator::world::OdometryError;
 
     #[test]
+    fn a_map_is_made_by_poses_that_jump() {
+        let corridor = include_str!("../../../config/worlds/corridor.toml");
+        let world = read_world(corridor, Variation { walkers: Some(0), seed: 7, stand_s: None }).unwrap();
+        let drive = Drive::through(&world, &Body::of(&psos::MODELS[0]), 3.0, None, 7);
+        let mut poses = drive.true_poses();
+        let half = poses.len() / 2;
+        poses.iter_mut().skip(half).for_each(|pose| pose.y_m += 5.0);
+        let mapper = mapped(&drive.placed(&poses), &mapping::Parameters::default(), &unfiltered(&drive)).unwrap();
+        assert_eq!(
+            mapper.counts().readings,
+            mapped(&drive, &mapping::Parameters::default(), &unfiltered(&drive)).unwrap().counts().readings
+        );
+    }
+
+    #[test]
     fn localisation_puts_a_map_right_that_odometry_bends() {
         let corridor = include_str!("../../../config/worlds/corridor.toml");
         let mut world = read_world(corridor, Variation { walkers: Some(0), seed: 7, stand_s: None }).unwrap();

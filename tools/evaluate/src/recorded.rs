@@ -82,7 +82,7 @@ impl Recorded {
             let found = next.find(|(_, (_, _, truth))| says_the_same(scan, truth));
             if let Some((at, (_, _, truth))) = found {
                 from = at + 1;
-                scans.push(Scan { seq: *seq, stamp_ns: *stamp_ns, scan: *scan, truth: *truth });
+                scans.push(Scan { seq: *seq, stamp_ns: *stamp_ns, scan: *scan, truth: *truth, placed: None });
             }
         }
         scans

@@ -1,6 +1,6 @@
 //! One scan of a recorded drive.
 
-use messages::{SonarScan, TruthScan};
+use messages::{Pose, SonarScan, TruthScan};
 
 /// A scan and the truth behind it.
 #[derive(Debug, Clone)]
@@ -13,4 +13,6 @@ pub struct Scan {
     pub scan: SonarScan,
     /// What its readings came from.
     pub truth: TruthScan,
+    /// Where it enters the map, map frame, if not by its odometry.
+    pub placed: Option<Pose>,
 }

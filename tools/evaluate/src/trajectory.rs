@@ -46,12 +46,12 @@ impl Drive {
         self.scans.iter().map(|scan| scan.scan.pose).collect()
     }
 
-    /// The same drive with these poses, one for each scan, laid rigidly on the true ones: the truth is in the map frame.
+    /// The same drive mapped by these poses, one for each scan, laid rigidly on the true ones: the truth is in the map frame.
     #[must_use]
     pub fn placed(&self, poses: &[Pose]) -> Self {
         let mut placed = self.clone();
         for (scan, pose) in placed.scans.iter_mut().zip(aligned(poses, &self.true_poses())) {
-            scan.scan.pose = pose;
+            scan.placed = Some(pose);
         }
         placed
     }
