@@ -95,6 +95,34 @@ fn a_log_cut_anywhere_is_read_up_to_the_last_flush() {
     assert_eq!(read(&bytes).unwrap().ending, Ending::Complete);
 }
 
+/// As a power cut leaves a file whose length was on the disk before its last bytes.
+#[test]
+fn zeros_after_a_flush_are_a_cut() {
+    let Example { bytes, scans, flushed, .. } = example();
+    for (size, count) in flushed {
+        for zeros in [1, 9, 100, 4096, 100_000] {
+            let mut cut = bytes[..size].to_vec();
+            cut.resize(size + zeros, 0);
+            let found = read(&cut).unwrap();
+            assert_eq!((found.ending, found.faults.len()), (Ending::Cut { offset: size as u64 }, 0), "{zeros} zeros behind {size}");
+            assert_eq!(found.scans.len() as u64, count);
+            assert!(found.scans.iter().all(|(seq, scan)| scans.get(usize::try_from(seq - 1).unwrap()) == Some(scan)));
+            cut.push(1);
+            assert!(matches!(read(&cut).unwrap().ending, Ending::Damaged(_)), "{zeros} zeros and a byte");
+        }
+    }
+}
+
+#[test]
+fn a_file_of_zeros_is_cut_before_its_first_message() {
+    for zeros in [1, 8, 4096, 1024 * 1024] {
+        assert!(matches!(read(&vec![0; zeros]), Err(Fault::CutAtStart { .. })), "{zeros} zeros");
+    }
+    let foreign = [vec![0; 4096], vec![1]].concat();
+    assert!(matches!(read(&foreign), Err(Fault::Damaged(_))));
+    assert!(matches!(read(&vec![0; 2 * 1024 * 1024]), Err(Fault::Damaged(_))), "no log, however long");
+}
+
 #[test]
 fn a_flipped_bit_anywhere_is_noticed_and_makes_no_scan_up() {
     let Example { bytes, scans, flushed, index } = example();
@@ -172,9 +200,13 @@ fn bytes_that_are_passed_over_are_counted() {
     let found = read(&with_zeros(&with_zeros(&bytes, second..second + 9), third..third + 9)).unwrap();
     assert_eq!((found.scans.len() as u64, found.faults.len()), (HELD, 1), "both are one gap");
     let end = bytes.len() as u64;
-    let found = read(&with_zeros(&bytes, bytes.len() - 40..bytes.len())).unwrap();
+    let footer = bytes.len() - 40;
+    let found = read(&[&bytes[..footer], &[0xee; 40]].concat()).unwrap();
     assert_eq!(found.scans.len() as u64, SCANS, "the footer holds nothing");
     assert!(matches!(found.ending, Ending::Damaged(Damage { offset, skipped, .. }) if offset + skipped == end), "{:?}", found.ending);
+    let found = read(&with_zeros(&bytes, footer..bytes.len())).unwrap();
+    assert_eq!(found.scans.len() as u64, SCANS);
+    assert!(matches!(found.ending, Ending::Cut { offset } if offset < end), "{:?}", found.ending);
 }
 
 #[test]

@@ -20,6 +20,9 @@ const CHUNK_FIELDS: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 const IN_VAIN: u64 = 4 * MAX_RECORD;
 const IN_VAIN_PER_BYTE: u64 = 16;
 
+/// Most bytes of a file of zeros, which a power cut leaves of a file that was just made: what is written until the first flush.
+const MOST_ZEROS: usize = 1024 * 1024;
+
 /// The records that are read; most of the others are an index of them.
 pub(crate) mod opcode {
     pub(crate) use mcap::records::op::{ATTACHMENT, CHANNEL, CHUNK, CHUNK_INDEX, DATA_END, FOOTER, HEADER, MESSAGE, METADATA, SCHEMA};
@@ -69,6 +72,8 @@ enum Stage {
 struct Gap {
     offset: u64,
     reason: Reason,
+    /// All of them so far are zeros.
+    is_zeros: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -143,7 +148,9 @@ impl Deframer {
     pub(crate) fn ending(&self) -> Ending {
         match &self.gap {
             _ if self.stage == Stage::Done => Ending::Complete,
-            Some(Gap { offset, reason: Reason::Cut | Reason::Chunk }) => Ending::Cut { offset: *offset },
+            Some(Gap { offset, reason: Reason::Cut | Reason::Chunk, .. }) => Ending::Cut { offset: *offset },
+            // A power cut leaves a file with its length on the disk, and zeros where its last bytes were not there yet.
+            Some(Gap { offset, is_zeros: true, .. }) if is_zeros(self.waiting()) => Ending::Cut { offset: *offset },
             Some(gap) => gap.damage(self.offset + self.waiting().len() as u64).map_or(Ending::Complete, Ending::Damaged),
             None => Ending::Cut { offset: self.offset },
         }
@@ -224,6 +231,9 @@ impl Deframer {
 
     /// Passes over bytes in which nothing was found.
     fn skip(&mut self, length: usize) {
+        if let Some(gap) = &mut self.gap {
+            gap.is_zeros &= is_zeros(&self.buffer[self.start..self.start + length]);
+        }
         self.start += length;
         self.offset += length as u64;
         self.in_vain = self.in_vain.saturating_add(IN_VAIN_PER_BYTE * length as u64);
@@ -239,7 +249,7 @@ impl Deframer {
     /// Begins the search for an intact chunk here. The checksum of all data does not apply any more.
     fn search(&mut self, reason: Reason) {
         self.stage = Stage::Search;
-        self.gap = Some(Gap { offset: self.offset, reason });
+        self.gap = Some(Gap { offset: self.offset, reason, is_zeros: true });
         self.crc = None;
     }
 
@@ -277,6 +287,9 @@ impl Deframer {
         let there = self.waiting().len().min(MAGIC.len());
         let found = &self.waiting()[..there];
         if found != &MAGIC[..there] {
+            if then == Stage::Records && self.waiting().len() <= MOST_ZEROS && is_zeros(self.waiting()) {
+                return Ok(false);
+            }
             let found = format!("{found:02x?}");
             return Err(self.lost(found, format!("the magic bytes of an MCAP file {MAGIC:02x?}")));
         }
@@ -332,6 +345,10 @@ impl Gap {
         };
         Some(Damage { offset: self.offset, found, expected, skipped: end.saturating_sub(self.offset) })
     }
+}
+
+fn is_zeros(bytes: &[u8]) -> bool {
+    bytes.iter().all(|byte| *byte == 0)
 }
 
 /// Size that the chunk of a record says that it has unpacked.

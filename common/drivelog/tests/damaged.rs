@@ -188,7 +188,7 @@ fn recovery_continues_behind_a_hole() {
     let (second_chunk, before) = flushed[1];
     bytes[second_chunk - 40..second_chunk + 100].fill(0);
     let footer = bytes.len() - 40;
-    bytes[footer..].fill(0);
+    bytes[footer..].fill(0xee);
     std::fs::write(&from, &bytes).unwrap();
     let recovered = recover(&from, &to).unwrap();
     assert!(recovered.damages.iter().all(|damage| damage.to_string().ends_with(" bytes are passed over")), "{:?}", recovered.damages);
