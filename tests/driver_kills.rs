@@ -12,7 +12,7 @@ use messages::{CameraFrame, ProcessStatus, SonarScan};
 use settings::Settings;
 use simulator::{Packet, Simulation};
 
-use crate::harness::blocked_file::{BlockedFile, Room};
+use crate::harness::blocked_file::BlockedFile;
 use crate::harness::processes::{Exit, kill, resume, stop};
 use crate::harness::{Deployment, Ended, Run, Sandbox, counter, worlds};
 
@@ -84,7 +84,7 @@ impl Drive {
     fn kill_while_it_writes_a_checkpoint(&mut self, process: &str) {
         self.wait_for_scans();
         let pid = self.run.pid_of(process);
-        let file = BlockedFile::at(&self.sandbox.runtime().join(format!("demo/state/{process}.fresh")), Room::None);
+        let file = BlockedFile::at_checkpoint(&self.sandbox.runtime().join("demo/state"), process);
         file.kill_writer(pid);
     }
 

@@ -80,6 +80,54 @@ fn a_deployment_killed_as_a_whole_resumes_its_map() {
     assert_eq!(sandbox.replayed(&out.join("drive.mcap"), "again"), second.map(), "all of the drive is in the log");
 }
 
+/// What a power cut leaves: the boot is another one, and files that were replaced since the last sync are empty.
+fn cut_the_power(state: &Path) {
+    std::fs::write(state.join("running"), "the id of another boot\n").unwrap();
+    for name in ["mapping.checkpoint", "fti.checkpoint", "run"] {
+        // Another file than the one in the set.
+        std::fs::remove_file(state.join(name)).unwrap();
+        std::fs::write(state.join(name), [0; 4096]).unwrap();
+    }
+}
+
+#[test]
+fn a_power_cut_resumes_the_checkpoints_of_the_last_sync() {
+    let sandbox = Sandbox::new();
+    write_scans(&sandbox, 1.3);
+    let own = deployment("own", &sandbox).set("supervisor.sync_s", 1);
+    let state = sandbox.path("out").join("state");
+    first_start(&sandbox, &own, |run| {
+        // The sets alternate: when the next one is made, the one before is on the disk.
+        let has_map =
+            |set: &str| std::fs::read_to_string(state.join(set).join("list")).is_ok_and(|list| list.contains(" mapping.checkpoint"));
+        Inotify::watch(&state, WatchFlags::CREATE).wait_until("a set with a map", || has_map("set-0") || has_map("set-1"));
+        kill_everything(run);
+    });
+    cut_the_power(&state);
+    // The first scans are in the map of the set: what the driver now publishes under their numbers is dropped.
+    write_scans(&sandbox, 0.6);
+    let second = sandbox.run(&own, &[]).end();
+    for line in ["the last run is resumed", "the computer stopped while the last run was running: up to 1 s before that"] {
+        assert!(second.stderr.contains(line), "{}", second.stderr);
+    }
+    assert_eq!(second.map(), whole_map(1.3), "{}", second.stderr);
+    assert!(!sandbox.path("out").join("state-1").exists() && !state.join("running").exists());
+}
+
+#[test]
+fn a_power_cut_before_the_first_sync_begins_a_new_run() {
+    let sandbox = Sandbox::new();
+    write_scans(&sandbox, 1.3);
+    let own = deployment("own", &sandbox).set("supervisor.sync_s", 3600);
+    first_start(&sandbox, &own, kill_everything);
+    cut_the_power(&sandbox.path("out").join("state"));
+    write_scans(&sandbox, 0.6);
+    let second = sandbox.run(&own, &[]).end();
+    let reason = "a new run begins: the computer stopped before a state of the last one was on the disk";
+    assert!(second.stderr.contains(reason), "{}", second.stderr);
+    assert_eq!(second.map(), whole_map(0.6));
+}
+
 #[test]
 fn a_stopped_deployment_resumes_its_map_unless_started_fresh() {
     let sandbox = Sandbox::new();

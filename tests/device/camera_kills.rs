@@ -4,7 +4,7 @@ use drivelog::{Entry, Log};
 use messages::CameraFrame;
 use rustix::process::Signal;
 
-use crate::harness::blocked_file::{BlockedFile, Room};
+use crate::harness::blocked_file::BlockedFile;
 use crate::harness::processes::{kill, signal, stop};
 use crate::harness::{Run, Sandbox, counter};
 use crate::vivid::{self, webcam};
@@ -65,7 +65,7 @@ fn a_camera_killed_while_it_takes_pictures_numbers_on() {
 fn a_camera_killed_while_writing_a_checkpoint_numbers_on() {
     let writing = |sandbox: &Sandbox, run: &mut Run| {
         let camera = wait_for_pictures(run);
-        let file = BlockedFile::at(&sandbox.path("shooting-out").join("state/camera.fresh"), Room::None);
+        let file = BlockedFile::at_checkpoint(&sandbox.path("shooting-out").join("state"), "camera");
         file.kill_writer(camera);
     };
     kill_by(writing, false);

@@ -56,6 +56,15 @@ impl BlockedFile {
         Self { path: path.to_owned(), pipe, full }
     }
 
+    /// The next checkpoint of a process that has saved one in this folder and overwrites it in place: it writes a new file when the old one
+    /// is not as it has left it. A byte at the end belongs to no record.
+    pub(crate) fn at_checkpoint(folder: &Path, process: &str) -> Self {
+        let file = Self::at(&folder.join(format!("{process}.fresh")), Room::None);
+        let mut checkpoint = OpenOptions::new().append(true).open(folder.join(format!("{process}.checkpoint"))).unwrap();
+        checkpoint.write_all(&[0]).unwrap();
+        file
+    }
+
     /// Waits until the process is in the middle of writing the file.
     #[track_caller]
     pub(crate) fn wait_for_writer(&self, pid: u32) {

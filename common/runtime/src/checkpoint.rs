@@ -4,7 +4,8 @@ use core::cell::{Cell, RefCell};
 use core::fmt::Display;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -15,7 +16,7 @@ use serde::de::DeserializeOwned;
 use state::{Schema, decode, encode};
 
 use crate::aside::free_name;
-use crate::journal::{PartKey, put_head, put_part, put_preamble, read};
+use crate::journal::{PartKey, numbered_head, place_of, put_head, put_overwritten_preamble, put_part, put_preamble, read};
 
 /// A checkpoint in parts is appended to until it is this much longer than twice what it was when it was written whole.
 const APPENDED: u64 = 64 * 1024;
@@ -46,15 +47,20 @@ pub struct Checkpoint {
 /// Why the state cannot be saved to its path, in words, while that is so: shown in the status of the process.
 pub(crate) type SaveError = Rc<RefCell<Option<String>>>;
 
-/// A checkpoint that may be appended to.
+/// A checkpoint as it was left.
 #[derive(Debug, Clone, Copy)]
 struct Journal {
     length: u64,
-    /// Its length when it was written whole.
-    whole_length: u64,
-    /// It was written with parts. What is replaced is on the disk before what is appended: the place of a robot, which is small,
-    /// must not be older after a power cut than the map.
-    in_parts: bool,
+    then: Then,
+}
+
+/// How the next state is written into a file.
+#[derive(Debug, Clone, Copy)]
+enum Then {
+    /// Appended, with the parts that have changed, until the file is much longer than this, which it was when it was written whole.
+    Append { whole_length: u64 },
+    /// In place of the state before the last one: a head with this number, in a record of this length.
+    Overwrite { number: u64, record_length: u64 },
 }
 
 /// What an earlier incarnation has saved.
@@ -197,10 +203,20 @@ impl Checkpoint {
 
     fn write(&mut self, head: &[u8], parts: &mut dyn Parts) -> io::Result<()> {
         // Where one of them fails, what has changed is no longer known: the next one is whole.
-        let appendable = self.journal.take().filter(|it| it.in_parts && it.length < 2 * it.whole_length + APPENDED);
-        let written = match appendable.and_then(|journal| Some((self.open_as(journal)?, journal))) {
-            Some((file, journal)) => append(file, journal, head, parts)?,
-            None => self.replace(&self.path, head, parts)?,
+        let last = self.journal.take();
+        let written = match last.and_then(|last| Some((self.open_as(last)?, last))) {
+            Some((file, Journal { length, then: Then::Append { whole_length } })) if length < 2 * whole_length + APPENDED => {
+                append(file, length, whole_length, head, parts)?
+            }
+            Some((file, Journal { length, then: Then::Overwrite { number, record_length } })) if parts.all().is_empty() => {
+                let record = numbered_head(number, head)?;
+                if record.len() as u64 == record_length {
+                    overwrite(&file, length, number, &record)?
+                } else {
+                    self.replace(&self.path, head, parts)?
+                }
+            }
+            _ => self.replace(&self.path, head, parts)?,
         };
         self.journal = Some(written);
         self.was_there.set(true);
@@ -209,7 +225,7 @@ impl Checkpoint {
 
     /// The file, if it is as this incarnation has left it.
     fn open_as(&self, journal: Journal) -> Option<File> {
-        let file = OpenOptions::new().append(true).open(&self.path).ok()?;
+        let file = OpenOptions::new().write(true).open(&self.path).ok()?;
         (file.metadata().ok()?.len() == journal.length).then_some(file)
     }
 
@@ -218,29 +234,34 @@ impl Checkpoint {
             make_private(folder)?;
         }
         let fresh = path.with_extension("fresh");
-        let written = self.write_whole(&fresh, !path.exists(), head, parts).and_then(|it| std::fs::rename(&fresh, path).map(|()| it));
+        let written = write_whole(&fresh, (self.run, self.start), head, parts).and_then(|it| std::fs::rename(&fresh, path).map(|()| it));
         if written.is_err() {
             // On a full disk half a state takes the room of what is worth more.
             let _ = std::fs::remove_file(&fresh);
         }
         written
     }
+}
 
-    /// Where it `is_first` it is brought to the disk before it gets its name: a file system that sees to that for what is replaced
-    /// leaves an empty file in a new place when the power fails.
-    fn write_whole(&self, fresh: &Path, is_first: bool, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
-        let mut into = Counting { into: BufWriter::with_capacity(BUFFER, File::create(fresh)?), count: 0 };
-        put_preamble(&mut into, self.run, self.start)?;
-        parts.take_changed();
-        let all = parts.all();
-        let in_parts = !all.is_empty();
+/// Writes a new file. It is not synced: a process that waits for a disk is silent, and a power cut is what [`CheckpointSets`] are for.
+///
+/// [`CheckpointSets`]: crate::CheckpointSets
+fn write_whole(fresh: &Path, (run, start): (u64, u32), head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
+    let mut into = Counting { into: BufWriter::with_capacity(BUFFER, File::create(fresh)?), count: 0 };
+    parts.take_changed();
+    let all = parts.all();
+    let then = if all.is_empty() {
+        put_overwritten_preamble(&mut into, run, start)?;
+        let record = numbered_head(0, head)?;
+        into.write_all(&record)?;
+        Then::Overwrite { number: 1, record_length: record.len() as u64 }
+    } else {
+        put_preamble(&mut into, run, start)?;
         put_state(&mut into, all, head, parts)?;
-        into.flush()?;
-        if is_first && self.fallback_path.is_some() {
-            into.into.get_ref().sync_all()?;
-        }
-        Ok(Journal { length: into.count, whole_length: into.count, in_parts })
-    }
+        Then::Append { whole_length: into.count }
+    };
+    into.flush()?;
+    Ok(Journal { length: into.count, then })
 }
 
 fn file(folder: &Path, membership: &Membership) -> PathBuf {
@@ -256,17 +277,25 @@ fn copy_aside(file: &Path, damage: &str) {
 }
 
 /// Adds what has changed. Where that fails, the file is as it was.
-fn append(file: File, journal: Journal, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
+fn append(mut file: File, length: u64, whole_length: u64, head: &[u8], parts: &mut dyn Parts) -> io::Result<Journal> {
+    file.seek(SeekFrom::Start(length))?;
     let mut into = Counting { into: BufWriter::with_capacity(BUFFER, file), count: 0 };
     let changed = parts.take_changed();
     match put_state(&mut into, changed, head, parts).and_then(|()| into.flush()) {
-        Ok(()) => Ok(Journal { length: journal.length + into.count, ..journal }),
+        Ok(()) => Ok(Journal { length: length + into.count, then: Then::Append { whole_length } }),
         Err(error) => {
             let (file, _) = into.into.into_parts();
-            let _ = file.set_len(journal.length);
+            let _ = file.set_len(length);
             Err(error)
         }
     }
+}
+
+/// Writes a head over the one before the last one. After a kill in the middle of it the last one is there.
+fn overwrite(file: &File, length: u64, number: u64, record: &[u8]) -> io::Result<Journal> {
+    let (record_length, at) = (record.len() as u64, place_of(number, record.len() as u64));
+    file.write_all_at(record, at)?;
+    Ok(Journal { length: length.max(at + record_length), then: Then::Overwrite { number: number + 1, record_length } })
 }
 
 fn put_state(into: &mut impl Write, keys: Vec<PartKey>, head: &[u8], parts: &dyn Parts) -> io::Result<()> {
@@ -315,10 +344,11 @@ impl<W: Write> Write for Counting<W> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use std::os::unix::fs::MetadataExt;
 
     /// The checkpoint of a process that has been killed once, in a run that has been started `start` times before.
-    pub(crate) fn checkpoint(state: &Path, run: u64, start: u32) -> Checkpoint {
-        let file = |folder: &Path| folder.join("mapping.checkpoint");
+    pub(crate) fn checkpoint(state: &Path, process: &str, run: u64, start: u32) -> Checkpoint {
+        let file = |folder: &Path| folder.join(format!("{process}.checkpoint"));
         let fallback_path = Some(file(&state.with_extension("domain").join("state")));
         Checkpoint {
             path: file(state),
@@ -333,23 +363,23 @@ pub(crate) mod tests {
         }
     }
 
-    type Loaded = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
+    pub(crate) type Loaded = (Vec<u8>, BTreeMap<PartKey, Vec<u8>>, bool);
 
-    fn load(checkpoint: &Checkpoint) -> Option<Loaded> {
+    pub(crate) fn load(checkpoint: &Checkpoint) -> Option<Loaded> {
         let owned = |parts: &BTreeMap<PartKey, &[u8]>| parts.iter().map(|(key, part)| (*key, part.to_vec())).collect();
         checkpoint.restore(|saved| Ok::<_, String>((saved.state.to_vec(), owned(&saved.parts), saved.before_a_stop)))
     }
 
     /// Parts that are numbers, and how many were written.
     #[derive(Default)]
-    struct Numbers {
+    pub(crate) struct Numbers {
         numbers: BTreeMap<PartKey, u64>,
         changed: Vec<PartKey>,
         written: Cell<usize>,
     }
 
     impl Numbers {
-        fn set(&mut self, key: PartKey, number: u64) {
+        pub(crate) fn set(&mut self, key: PartKey, number: u64) {
             self.numbers.insert(key, number);
             self.changed.push(key);
         }
@@ -379,14 +409,14 @@ pub(crate) mod tests {
     fn a_saved_state_is_restored_and_a_damaged_one_put_aside() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         let mut numbers = Numbers::default();
         assert_eq!(load(&checkpoint), None);
         numbers.set([0, 0, 0], 1);
         checkpoint.save_parts(b"first", &mut numbers);
         let loaded_first = numbers.loaded(b"first");
         let before_a_stop = loaded_first.clone().map(|(head, parts, _)| (head, parts, true));
-        assert_eq!(load(&self::checkpoint(&folder, 7, 1)), before_a_stop);
+        assert_eq!(load(&self::checkpoint(&folder, "mapping", 7, 1)), before_a_stop);
 
         let first = std::fs::read(&checkpoint.path).expect("readable").len();
         checkpoint.save_parts(b"second", &mut numbers);
@@ -415,24 +445,55 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_state_without_parts_is_replaced() {
+    fn an_overwritten_state_leaves_the_one_before() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
-        checkpoint.save(b"first");
-        let length = std::fs::metadata(&checkpoint.path).expect("there").len();
-        checkpoint.save(b"again");
-        assert_eq!(std::fs::metadata(&checkpoint.path).expect("there").len(), length);
-        assert_eq!(load(&checkpoint), Some((b"again".to_vec(), BTreeMap::new(), false)));
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
+        let inode = |checkpoint: &Checkpoint| std::fs::metadata(&checkpoint.path).expect("there").ino();
+        checkpoint.save(b"0");
+        let (first, mut before) = (inode(&checkpoint), std::fs::read(&checkpoint.path).expect("readable"));
+        for head in [b"1", b"2", b"3", b"4"] {
+            checkpoint.save(head);
+            assert_eq!(load(&checkpoint), Some((head.to_vec(), BTreeMap::new(), false)));
+            let after = std::fs::read(&checkpoint.path).expect("readable");
+            // Only one of the two has changed.
+            let record = numbered_head(0, head).expect("memory").len();
+            let changed: Vec<usize> = (0..before.len()).filter(|at| before[*at] != after[*at]).map(|at| (at - 24) / record).collect();
+            assert!(changed.iter().all(|slot| *slot == changed[0]), "{changed:?}");
+            before = after;
+        }
+        assert_eq!(inode(&checkpoint), first);
+        assert_eq!(before.len(), 24 + 2 * numbered_head(0, b"0").expect("memory").len());
+        checkpoint.save(b"a longer one");
+        assert_eq!(load(&checkpoint), Some((b"a longer one".to_vec(), BTreeMap::new(), false)));
+        assert_ne!(inode(&checkpoint), first, "another file");
+    }
+
+    #[test]
+    fn a_damaged_last_state_without_parts_leaves_the_one_before() {
+        let out = tempfile::tempdir().expect("a folder");
+        let folder = out.path().join("state");
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
+        for last in 1..=4_u8 {
+            checkpoint.save(&[100 + last]);
+            let intact = std::fs::read(&checkpoint.path).expect("readable");
+            let at = intact.iter().rposition(|byte| *byte == 100 + last).expect("its byte");
+            let mut damaged = intact.clone();
+            damaged[at] ^= 0x80;
+            std::fs::write(&checkpoint.path, &damaged).expect("written");
+            let expected = (last > 1).then(|| (vec![99 + last], BTreeMap::new(), false));
+            assert_eq!(load(&checkpoint), expected, "state {last}");
+            std::fs::write(&checkpoint.path, &intact).expect("written");
+        }
     }
 
     #[test]
     fn another_run_is_refused_and_so_is_what_cannot_be_restored() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         checkpoint.save(b"state");
-        assert_eq!(load(&self::checkpoint(&folder, 8, 0)), None);
+        assert_eq!(load(&self::checkpoint(&folder, "mapping", 8, 0)), None);
         checkpoint.save(b"state");
         assert_eq!(checkpoint.restore(|_| Err::<(), _>("of another version")), None);
         assert_eq!(load(&checkpoint), None);
@@ -443,7 +504,7 @@ pub(crate) mod tests {
     fn only_changed_parts_are_appended_and_the_file_stays_bounded() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         let mut numbers = Numbers::default();
         (0..1000).for_each(|column| numbers.set([0, 0, column], 1));
         checkpoint.save_parts(b"0", &mut numbers);
@@ -469,7 +530,7 @@ pub(crate) mod tests {
     fn what_was_taken_away_is_written_whole_again() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         let mut numbers = Numbers::default();
         (0..10).for_each(|column| numbers.set([0, 0, column], 1));
         checkpoint.save_parts(b"first", &mut numbers);
@@ -487,7 +548,7 @@ pub(crate) mod tests {
     fn a_removed_file_is_missing_until_it_is_saved_again() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         let is_missing = |checkpoint: &mut Checkpoint| {
             checkpoint.looked -= LOOK;
             checkpoint.is_missing()
@@ -509,7 +570,7 @@ pub(crate) mod tests {
     fn a_refused_write_saves_the_state_with_the_deployment() {
         let out = tempfile::tempdir().expect("a folder");
         let folder = out.path().join("state");
-        let mut checkpoint = checkpoint(&folder, 7, 0);
+        let mut checkpoint = checkpoint(&folder, "mapping", 7, 0);
         let mut numbers = Numbers::default();
         numbers.set([0, 0, 0], 1);
         numbers.set([0, 0, 1], 1);
@@ -522,12 +583,12 @@ pub(crate) mod tests {
         for (head, number) in [(b"second", 2), (b"third ", 3)] {
             numbers.set([0, 0, 1], number);
             checkpoint.save_parts(head, &mut numbers);
-            assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.loaded(head));
+            assert_eq!(load(&self::checkpoint(&folder, "mapping", 7, 0)), numbers.loaded(head));
             assert!(checkpoint.save_error.borrow().as_ref().is_some_and(|words| words.starts_with("its state cannot be kept: ")));
         }
         std::fs::remove_file(&folder).expect("removed");
         std::fs::rename(&away, &folder).expect("renamed");
-        assert_eq!(load(&self::checkpoint(&folder, 7, 0)), numbers.loaded(b"third "), "not the older one that is there again");
+        assert_eq!(load(&self::checkpoint(&folder, "mapping", 7, 0)), numbers.loaded(b"third "), "not the older one that is there again");
         checkpoint.save_parts(b"fourth", &mut numbers);
         assert_eq!((load(&checkpoint), &*checkpoint.save_error.borrow()), (numbers.loaded(b"fourth"), &None));
         assert_eq!(out.path().join("state.domain/state").read_dir().expect("readable").count(), 0, "what was spare is gone");

@@ -4,21 +4,29 @@
 //!
 //! | what | how |
 //! | --- | --- |
-//! | preamble | 8 bytes `SMCHKPT3`, run u64, start u32, CRC-32 of the 20 bytes before |
+//! | preamble | 8 bytes `SMCHKPT3` or `SMSTATE3`, run u64, start u32, CRC-32 of the 20 bytes before |
 //! | records | each: kind u32, length u32 of its content, CRC-32 of kind, length and content, content |
 //! | a part (kind 2) | key 3 × i32, then its bytes |
 //! | a head (kind 1) | its bytes |
+//! | a numbered head (kind 3), in `SMSTATE3` | number u64, then its bytes |
 //!
 //! The parts before a head are valid with it: a later part replaces the one of its key, a later head the one before. What was
 //! cut off behind the last head, by a kill in the middle of writing, never was.
+//!
+//! A small state without parts, `SMSTATE3`, is two numbered heads of one length, of which the one with the higher number counts and the other one is
+//! overwritten next. A new file for each state, of which a driver has ten in a second, would be written to the disk each time.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::{self, Write};
+use std::os::unix::fs::FileExt;
 
 const MAGIC: &[u8; 8] = b"SMCHKPT3";
+const OVERWRITTEN: &[u8; 8] = b"SMSTATE3";
 const PREAMBLE: usize = MAGIC.len() + 8 + 4 + 4;
 const HEAD: u32 = 1;
 const PART: u32 = 2;
+const NUMBERED: u32 = 3;
 /// Bytes of a record before its content.
 const RECORD: usize = 12;
 const KEY: usize = size_of::<PartKey>();
@@ -37,10 +45,19 @@ pub(crate) struct Contents<'a> {
     pub(crate) damage: Option<String>,
 }
 
-/// Begins a checkpoint.
+/// Begins a checkpoint that is appended to.
 pub(crate) fn put_preamble(into: &mut impl Write, run: u64, start: u32) -> io::Result<()> {
+    put_preamble_of(MAGIC, into, run, start)
+}
+
+/// Begins a checkpoint of numbered heads.
+pub(crate) fn put_overwritten_preamble(into: &mut impl Write, run: u64, start: u32) -> io::Result<()> {
+    put_preamble_of(OVERWRITTEN, into, run, start)
+}
+
+fn put_preamble_of(magic: &[u8; 8], into: &mut impl Write, run: u64, start: u32) -> io::Result<()> {
     let mut bytes = [0; PREAMBLE];
-    bytes[..8].copy_from_slice(MAGIC);
+    bytes[..8].copy_from_slice(magic);
     bytes[8..16].copy_from_slice(&run.to_le_bytes());
     bytes[16..20].copy_from_slice(&start.to_le_bytes());
     let checksum = crc32fast::hash(&bytes[..20]);
@@ -51,6 +68,27 @@ pub(crate) fn put_preamble(into: &mut impl Write, run: u64, start: u32) -> io::R
 /// Appends a head: what was put before it counts from now on.
 pub(crate) fn put_head(into: &mut impl Write, head: &[u8]) -> io::Result<()> {
     put_record(into, HEAD, &[], head)
+}
+
+/// A head that replaces the numbered ones with lower numbers, wherever they are.
+pub(crate) fn numbered_head(number: u64, head: &[u8]) -> io::Result<Vec<u8>> {
+    let mut record = Vec::with_capacity(RECORD + size_of::<u64>() + head.len());
+    put_record(&mut record, NUMBERED, &number.to_le_bytes(), head)?;
+    Ok(record)
+}
+
+/// Where the numbered head with this number is, with records of this length.
+pub(crate) fn place_of(number: u64, length: u64) -> u64 {
+    PREAMBLE as u64 + number % 2 * length
+}
+
+/// Whether a checkpoint has numbered heads, which are overwritten in place.
+pub(crate) fn is_overwritten(file: &File) -> io::Result<bool> {
+    let mut magic = [0; OVERWRITTEN.len()];
+    match file.read_exact_at(&mut magic, 0) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),
+        read => read.map(|()| magic == *OVERWRITTEN),
+    }
 }
 
 /// Appends a part.
@@ -78,10 +116,18 @@ fn checksum(kind: u32, length: u32, content: &[&[u8]]) -> u32 {
 /// What a checkpoint of this run holds; or what is wrong with it as one.
 pub(crate) fn read(bytes: &[u8], run: u64) -> Result<Contents<'_>, String> {
     let (start, mut rest) = take_preamble(bytes, run)?;
+    let is_overwritten = bytes.starts_with(OVERWRITTEN);
     let mut contents = Contents { start, head: &[], parts: BTreeMap::new(), damage: None };
     let (mut changed, mut has_head) = (BTreeMap::new(), false);
+    let mut numbered: Option<u64> = None;
     loop {
-        match take_record(&mut rest) {
+        let at = bytes.len() - rest.len();
+        match take_record(&mut rest, is_overwritten) {
+            Ok(Some(Record::Numbered(number, head))) => {
+                if numbered.is_none_or(|before| before < number) {
+                    (contents.head, has_head, numbered) = (head, true, Some(number));
+                }
+            }
             Ok(Some(Record::Part(key, part))) => drop(changed.insert(key, part)),
             Ok(Some(Record::Head(head))) => {
                 (contents.head, has_head) = (head, true);
@@ -89,8 +135,10 @@ pub(crate) fn read(bytes: &[u8], run: u64) -> Result<Contents<'_>, String> {
             }
             Ok(None) => break,
             Err(problem) => {
-                contents.damage = Some(format!("at byte {}: {problem}", bytes.len() - rest.len()));
-                break;
+                contents.damage = Some(format!("at byte {at}: {problem}"));
+                if bytes.len() - rest.len() == at {
+                    break;
+                }
             }
         }
     }
@@ -101,11 +149,30 @@ pub(crate) fn read(bytes: &[u8], run: u64) -> Result<Contents<'_>, String> {
     }
 }
 
+/// How much of a checkpoint counts, bytes: up to the end of its last head; `None` where it has none. Only the numbers before each record are
+/// read: a file that a process appends to is intact up to where it is written.
+pub(crate) fn length_with_head(file: &File) -> io::Result<Option<u64>> {
+    let end = file.metadata()?.len();
+    let (mut at, mut found) = (PREAMBLE as u64, None);
+    while at + RECORD as u64 <= end {
+        let mut numbers = [0; RECORD];
+        file.read_exact_at(&mut numbers, at)?;
+        let [kind, length] = [0, 4].map(|at| u32::from_le_bytes([numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3]]));
+        at += RECORD as u64 + u64::from(length);
+        match kind {
+            HEAD if at <= end => found = Some(at),
+            PART => {}
+            _ => break,
+        }
+    }
+    Ok(found)
+}
+
 fn take_preamble(bytes: &[u8], run: u64) -> Result<(u32, &[u8]), String> {
     let (head, rest) =
         bytes.split_first_chunk::<PREAMBLE>().ok_or_else(|| format!("{} bytes, expected at least {PREAMBLE}", bytes.len()))?;
     let number = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
-    if !head.starts_with(MAGIC) {
+    if ![MAGIC, OVERWRITTEN].iter().any(|magic| head.starts_with(*magic)) {
         return Err(format!("it begins with {:?}, expected {:?}", head[..8].escape_ascii().to_string(), MAGIC.escape_ascii().to_string()));
     }
     let (found, expected) = (crc32fast::hash(&head[..20]), number(20));
@@ -122,24 +189,30 @@ fn take_preamble(bytes: &[u8], run: u64) -> Result<(u32, &[u8]), String> {
 enum Record<'a> {
     Head(&'a [u8]),
     Part(PartKey, &'a [u8]),
+    Numbered(u64, &'a [u8]),
 }
 
-/// The next record; `None` where no whole one is left. What is refused is not taken.
-fn take_record<'a>(rest: &mut &'a [u8]) -> Result<Option<Record<'a>>, String> {
+/// The next record; `None` where no whole one is left. What is refused is not taken, except a numbered head, beside which the other one may
+/// be intact.
+fn take_record<'a>(rest: &mut &'a [u8], is_overwritten: bool) -> Result<Option<Record<'a>>, String> {
     let Some((numbers, after)) = rest.split_first_chunk::<RECORD>() else { return Ok(None) };
     let [kind, length, expected] = [0, 4, 8].map(|at| u32::from_le_bytes([numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3]]));
     let Some((content, after)) = after.split_at_checked(length as usize) else { return Ok(None) };
     let found = checksum(kind, length, &[content]);
     if found != expected {
+        if is_overwritten {
+            *rest = after;
+        }
         return Err(format!("checksum {found:08x}, expected {expected:08x}"));
     }
-    let record = match (kind, content.split_first_chunk::<KEY>()) {
-        (HEAD, _) => Record::Head(content),
-        (PART, Some((key, part))) => {
+    let record = match (kind, content.split_first_chunk::<KEY>(), content.split_first_chunk()) {
+        (HEAD, ..) if !is_overwritten => Record::Head(content),
+        (PART, Some((key, part)), _) if !is_overwritten => {
             let number = |at: usize| i32::from_le_bytes([key[at], key[at + 1], key[at + 2], key[at + 3]]);
             Record::Part([number(0), number(4), number(8)], part)
         }
-        _ => return Err(format!("a record of kind {kind} with {length} bytes, expected a head (1) or a part (2)")),
+        (NUMBERED, _, Some((number, head))) if is_overwritten => Record::Numbered(u64::from_le_bytes(*number), head),
+        _ => return Err(format!("a record of kind {kind} with {length} bytes, expected a head (1), a part (2) or a numbered head (3)")),
     };
     *rest = after;
     Ok(Some(record))
@@ -186,6 +259,10 @@ mod tests {
             let (bytes, ends) = written(&steps);
             for end in 0..=bytes.len() {
                 let expected = ends.iter().rev().find(|(at, _)| *at <= end).map(|(_, state)| state);
+                let file = tempfile::tempfile().expect("a file");
+                file.write_all_at(&bytes[..end], 0).expect("written");
+                let expected_length = ends.iter().rev().find(|(at, _)| *at <= end).map(|(at, _)| *at as u64);
+                prop_assert_eq!(length_with_head(&file).expect("readable"), expected_length);
                 match read(&bytes[..end], RUN) {
                     Ok(contents) => {
                         prop_assert_eq!(Some(&state(&contents)), expected);
@@ -205,6 +282,32 @@ mod tests {
                 let expected = ends.iter().rev().find(|(end, _)| *end <= at).map(|(_, state)| state);
                 let found = read(&damaged, RUN).ok().as_ref().map(state);
                 prop_assert_eq!(found.as_ref(), expected, "byte {}", at);
+            }
+        }
+
+        #[test]
+        fn a_numbered_head_survives_what_happens_to_the_other(heads in proptest::collection::vec(any::<[u8; 9]>(), 1..5), to in any::<u8>()) {
+            let mut bytes = Vec::new();
+            put_overwritten_preamble(&mut bytes, RUN, 3).expect("memory");
+            for (number, head) in (0..).zip(&heads) {
+                let before = bytes.clone();
+                let record = numbered_head(number, head).expect("memory");
+                let at = place_of(number, record.len() as u64) as usize;
+                // A kill cuts the write off anywhere, and a power cut leaves anything in its place.
+                for written in 0..=record.len() {
+                    bytes.clone_from(&before);
+                    bytes.resize(bytes.len().max(at + written), 0);
+                    bytes[at..at + written].copy_from_slice(&record[..written]);
+                    let found = read(&bytes, RUN).ok().map(|contents| contents.head);
+                    let last = number.checked_sub(1).map(|last| heads[last as usize].as_slice());
+                    // What is cut off may be as it was.
+                    let is_new = written > 0 && found == Some(head.as_slice());
+                    prop_assert!(is_new || written < record.len() && found == last, "{} of {}", written, record.len());
+                }
+                let mut damaged = bytes.clone();
+                damaged[at + RECORD..at + record.len()].fill(to);
+                let contents = read(&damaged, RUN);
+                prop_assert_eq!(contents.ok().map(|it| it.head), number.checked_sub(1).map(|before| heads[before as usize].as_slice()));
             }
         }
 

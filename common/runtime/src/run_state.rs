@@ -4,24 +4,27 @@
 //! finds a note of its own resumes that run, as if all of its processes had been killed at once. They resume together or not
 //! at all: a driver that began anew beside a map that did not would draw into it at another place.
 
-use std::io::{self, Write};
+use std::cell::Cell;
+use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use bus::{Claim, Domain, DomainError, Run, make_private};
 
 use crate::aside::free_name;
+use crate::checkpoint_set;
 use crate::journal::read;
+use crate::note::{NOTE, Note};
 
-/// The file of the note.
-const NOTE: &str = "run";
 /// The file that is there while the run is running, with the id of the computer's boot.
 const RUNNING: &str = "running";
 /// The id of this boot (random(4)).
 const BOOT_ID: &str = "/proc/sys/kernel/random/boot_id";
-/// What a note begins with.
-const MAGIC: &str = "stillmap run 1";
 /// Stamps of a run may be so much later than its last note, s of the wall clock: notes are taken every second or so.
 const UNNOTED_S: f64 = 3.0;
+/// The same where the computer stopped: Linux stores after 30 s what a program has written, and looks every 5 s (`vm.dirty_expire_centisecs`,
+/// `vm.dirty_writeback_centisecs`). The log may have reached the disk and the last notes not.
+const UNNOTED_AFTER_CUT_S: f64 = UNNOTED_S + 35.0;
 
 /// Where checkpoints outlive the deployment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,23 +42,11 @@ pub struct PersistedState<'a> {
 pub struct RunState {
     folder: PathBuf,
     note: Note,
+    /// How often it was written.
+    noted: Cell<u64>,
     outlives: bool,
     /// The computer stopped while the run was running.
     computer_stopped: bool,
-}
-
-/// Whose the checkpoints in a folder are.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct Note {
-    /// Name of the deployment.
-    name: String,
-    /// Checksum of what they depend on.
-    made_with: u32,
-    run: u64,
-    /// How many times the run was started before.
-    start: u32,
-    /// How late it was, on the deployment's clock, ns.
-    last_ns: u64,
 }
 
 impl RunState {
@@ -73,7 +64,8 @@ impl RunState {
             Some(persisted) => Self::restore(persisted, name, new_run.number)
                 .map_err(|source| DomainError::Io { path: persisted.folder.to_owned(), source })?,
         };
-        let unnoted_ns = (UNNOTED_S * claim.clock().speed() * 1e9) as u64;
+        let unnoted_s = if state.computer_stopped { UNNOTED_AFTER_CUT_S } else { UNNOTED_S };
+        let unnoted_ns = (unnoted_s * claim.clock().speed() * 1e9) as u64;
         let not_before_ns = state.note.last_ns.saturating_add(unnoted_ns);
         let run = Run { number: state.note.run, start: state.note.start, state: state.folder.clone(), not_before_ns };
         let domain = claim.open(run, routed)?;
@@ -99,16 +91,17 @@ impl RunState {
         self.computer_stopped
     }
 
-    /// Notes that the run has ended and everything of it is written.
+    /// Notes that the run has ended and everything of it is on the disk.
     ///
     /// # Errors
     /// When the file system refuses.
     pub fn note_end(&self) -> Result<(), DomainError> {
         let path = self.folder.join(RUNNING);
-        match std::fs::remove_file(&path) {
-            Err(source) if source.kind() != io::ErrorKind::NotFound => Err(DomainError::Io { path, source }),
-            _ => Ok(()),
-        }
+        let removed = match std::fs::remove_file(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            removed => removed.and_then(|()| File::open(&self.folder)?.sync_all()),
+        };
+        removed.map_err(|source| DomainError::Io { path, source })
     }
 
     /// Keeps how late it is in the deployment for the next start of the run; to be called every second or so.
@@ -122,7 +115,7 @@ impl RunState {
     /// Checkpoints that go when the deployment does.
     fn of_the_run(run: &Run) -> Self {
         let note = Note { name: String::new(), made_with: 0, run: run.number, start: 0, last_ns: 0 };
-        Self { folder: run.state.clone(), note, outlives: false, computer_stopped: false }
+        Self { folder: run.state.clone(), note, noted: Cell::new(0), outlives: false, computer_stopped: false }
     }
 
     /// Checkpoints that outlive the deployment: those of its last run, or else none, for a new one with the number `new_run`.
@@ -130,7 +123,8 @@ impl RunState {
         let folder = persisted.folder.to_owned();
         let mut note =
             Note { name: name.to_owned(), made_with: crc32fast::hash(persisted.made_with.as_bytes()), run: new_run, start: 0, last_ns: 0 };
-        match usable(persisted, &note)? {
+        let was_cut = was_running_in_another_boot(&folder);
+        match usable(persisted, &note, was_cut)? {
             Found::Nothing => make_private(&folder)?,
             Found::Run(last) => note = Note { start: last.start.saturating_add(1), ..last },
             Found::Unusable(reason) => {
@@ -140,8 +134,8 @@ impl RunState {
                 make_private(&folder)?;
             }
         }
-        let computer_stopped = note.start > 0 && was_running_in_another_boot(&folder);
-        Ok(Self { folder, note, outlives: true, computer_stopped })
+        let computer_stopped = note.start > 0 && was_cut;
+        Ok(Self { folder, note, noted: Cell::new(0), outlives: true, computer_stopped })
     }
 
     /// Notes on the disk that the run is running.
@@ -149,10 +143,10 @@ impl RunState {
         if !self.outlives {
             return Ok(());
         }
-        let mut file = std::fs::File::create(self.folder.join(RUNNING))?;
-        file.write_all(&std::fs::read(BOOT_ID)?)?;
-        file.sync_all()?;
-        std::fs::File::open(&self.folder)?.sync_all()
+        std::fs::write(self.folder.join(RUNNING), std::fs::read(BOOT_ID)?)?;
+        // Also the last set of checkpoints, which a supervisor that was killed may have begun to sync.
+        rustix::fs::syncfs(File::open(&self.folder)?)?;
+        Ok(())
     }
 
     /// Notes how late it is, where the next start will look.
@@ -160,14 +154,9 @@ impl RunState {
         if !self.outlives {
             return Ok(());
         }
-        let (fresh, note) = (self.folder.join("run.new"), self.folder.join(NOTE));
-        let mut file = std::fs::File::create(&fresh)?;
-        file.write_all(Note { last_ns: now_ns, ..self.note.clone() }.to_text().as_bytes())?;
-        if !note.exists() {
-            // As the first of every checkpoint.
-            file.sync_all()?;
-        }
-        std::fs::rename(&fresh, note)
+        let note = Note { last_ns: now_ns, ..self.note.clone() };
+        let number = self.noted.replace(self.noted.get() + 1);
+        if number == 0 { note.write(&self.folder) } else { note.write_time(&self.folder, number) }
     }
 }
 
@@ -183,7 +172,7 @@ enum Found {
     Unusable(String),
 }
 
-fn usable(persisted: PersistedState<'_>, expected: &Note) -> io::Result<Found> {
+fn usable(persisted: PersistedState<'_>, expected: &Note, was_cut: bool) -> io::Result<Found> {
     let folder = persisted.folder;
     let is_empty = match folder.read_dir() {
         Ok(mut entries) => entries.next().is_none(),
@@ -193,12 +182,15 @@ fn usable(persisted: PersistedState<'_>, expected: &Note) -> io::Result<Found> {
     if is_empty {
         return Ok(Found::Nothing);
     }
-    let note = match std::fs::read_to_string(folder.join(NOTE)) {
-        Ok(text) => Note::parse(&text),
-        Err(error) if [io::ErrorKind::NotFound, io::ErrorKind::InvalidData].contains(&error.kind()) => None,
-        Err(error) => return Err(error),
+    // A start replaces the note before it notes that the run is running: a cut in between leaves only a note that is empty.
+    let is_cut = was_cut || Note::read(folder)?.is_none();
+    let is_restored = is_cut && !persisted.fresh && checkpoint_set::restore(folder)?;
+    if was_cut && !persisted.fresh && !is_restored {
+        return Ok(Found::Unusable("the computer stopped before a state of the last one was on the disk".to_owned()));
+    }
+    let Some(note) = Note::read(folder)? else {
+        return Ok(Found::Unusable(format!("{} is no note of a run", folder.join(NOTE).display())));
     };
-    let Some(note) = note else { return Ok(Found::Unusable(format!("{} is no note of a run", folder.join(NOTE).display()))) };
     let reason = if persisted.fresh {
         "that was asked for".to_owned()
     } else if note.name != expected.name {
@@ -227,34 +219,16 @@ fn damage(folder: &Path, run: u64) -> io::Result<Option<String>> {
     Ok(None)
 }
 
-impl Note {
-    fn to_text(&self) -> String {
-        let Self { name, made_with, run, start, last_ns } = self;
-        format!("{MAGIC}\n{name}\n{made_with:08x}\n{run:016x}\n{start}\n{last_ns}\n")
-    }
-
-    fn parse(text: &str) -> Option<Self> {
-        let mut lines = text.lines();
-        if lines.next()? != MAGIC {
-            return None;
-        }
-        let name = lines.next()?.to_owned();
-        let made_with = u32::from_str_radix(lines.next()?, 16).ok()?;
-        let run = u64::from_str_radix(lines.next()?, 16).ok()?;
-        let note = Self { name, made_with, run, start: lines.next()?.parse().ok()?, last_ns: lines.next()?.parse().ok()? };
-        lines.next().is_none().then_some(note)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CheckpointSets;
     use crate::checkpoint::tests::checkpoint;
 
     fn begin(folder: &Path, name: &str, made_with: &str, fresh: bool, run: u64) -> RunState {
         let state = RunState::restore(PersistedState { folder, made_with, fresh }, name, run).expect("taken up");
         state.write_note(1_000 * (run + 1)).expect("noted");
-        checkpoint(folder, state.note.run, state.note.start).save(b"map");
+        checkpoint(folder, "mapping", state.note.run, state.note.start).save(b"map");
         state
     }
 
@@ -303,19 +277,27 @@ mod tests {
         let state = begin(&folder, "robot", "cells of 0.1 m", false, 3);
         state.note_begin().expect("noted");
         assert!(!was_cut(4), "one that was killed in this boot");
-        std::fs::write(folder.join(RUNNING), "the id of another boot\n").expect("written");
-        assert!(was_cut(5));
+        let run = state.note.run;
+        CheckpointSets::open(&folder, out.path(), Vec::new()).and_then(|sets| sets.write()).expect("written");
+        let cut = || std::fs::write(folder.join(RUNNING), "the id of another boot\n").expect("written");
+        cut();
+        // As a power cut leaves what replaced the files since the sync.
+        for name in ["mapping.checkpoint", NOTE] {
+            std::fs::remove_file(folder.join(name)).and_then(|()| std::fs::write(folder.join(name), [0; 50])).expect("written");
+        }
+        let state = begin(&folder, "robot", "cells of 0.1 m", false, 5);
+        assert!(state.computer_stopped());
+        assert_eq!((state.note.run, out.path().read_dir().expect("readable").count()), (run, 1), "resumed");
         state.note_end().expect("noted");
         assert!(!was_cut(6));
         state.note_end().expect("it is not there");
-    }
-
-    #[test]
-    fn a_note_is_read_as_it_was_written_and_not_when_it_is_cut() {
-        let note = Note { name: "robot".into(), made_with: 5, run: 0xfeed, start: 3, last_ns: 99 };
-        let text = note.to_text();
-        assert_eq!(Note::parse(&text), Some(note));
-        assert!((0..text.len() - 1).all(|end| Note::parse(&text[..end]).is_none_or(|cut| cut.last_ns != 99)));
-        assert_eq!(Note::parse(&format!("{text}more\n")), None);
+        // Cut while the next start had replaced the note and not yet noted that it runs.
+        std::fs::remove_file(folder.join(NOTE)).and_then(|()| std::fs::write(folder.join(NOTE), [0; 50])).expect("written");
+        assert_eq!(begin(&folder, "robot", "cells of 0.1 m", false, 6).note.run, run, "resumed");
+        cut();
+        ["set-0", "set-1"].iter().for_each(|set| drop(std::fs::remove_dir_all(folder.join(set))));
+        let state = begin(&folder, "robot", "cells of 0.1 m", false, 7);
+        assert_eq!((state.note.run, state.computer_stopped()), (7, false), "a new one: nothing was on the disk");
+        assert!(out.path().join("state-1/mapping.checkpoint").exists());
     }
 }

@@ -200,7 +200,8 @@ fn a_resumed_run_is_later_than_its_last_note() {
     let (note, later_ns) = (folder.join("run"), noted_ns + 3_600_000_000_000);
     let text = std::fs::read_to_string(&note).unwrap();
     let (head, _) = text.trim_end().rsplit_once('\n').unwrap();
-    std::fs::write(&note, format!("{head}\n{later_ns}\n")).unwrap();
+    let digits = format!("{later_ns:020}");
+    std::fs::write(&note, format!("{head}\n{digits} {:08x}\n", crc32fast::hash(digits.as_bytes()))).unwrap();
     let (state, second) = open();
     assert!(state.is_resumed());
     assert_eq!(second.run(), run);

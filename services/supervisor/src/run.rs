@@ -9,7 +9,7 @@ use crate::guard::Guard;
 use crate::hook::Hook;
 use crate::kernel::check_kernel;
 use crate::leftovers::{self, Origin};
-use crate::lifecycle::{Exit, State};
+use crate::lifecycle::{Exit, Role, State};
 use crate::limits::raise_open_files;
 use crate::lines::Line;
 use crate::notices::SUPERVISOR;
@@ -28,7 +28,7 @@ use crate::vitals::{MachineUnits, Vitals};
 use crate::watch::{Watch, free_mb};
 use bus::{DeploymentClock, Domain, DomainError, Received, RunningDomain, shared_memory_is_short};
 use messages::{DeploymentStatus, Heartbeat, MAX_PROCESSES, MapSummary, Phase, Service, Text};
-use runtime::{PersistedState, RunState};
+use runtime::{CheckpointSets, PersistedState, RunState};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::Signal;
 use settings::{BuiltIn, Program, RoutedService, Settings};
@@ -181,6 +181,7 @@ impl<'a> Supervisor<'a> {
                 "the computer stopped while the last run was running: up to {sync_s} s before that are missing in the log, and up to 64 scans more in the map"
             );
         }
+        let disk = options.state.as_ref().and_then(|state| disk_sync(settings, &domain, state, &settings_path));
         let count = settings.process.len();
         let mut supervisor = Self {
             settings,
@@ -209,7 +210,7 @@ impl<'a> Supervisor<'a> {
             watch: Watch::new(count),
             hook: Hook::new(&settings.supervisor.on_event, settings.name.as_str()),
             service: ServiceManager::of_this_process(),
-            disk: options.state.as_ref().map(|_| DiskSync::new(&settings.out, Duration::from_secs_f64(settings.supervisor.sync_s.get()))),
+            disk,
         };
         supervisor.watch_the_guard();
         Ok(supervisor)
@@ -291,7 +292,9 @@ impl<'a> Supervisor<'a> {
         }
         result?;
         closed?;
-        if let Err(error) = self.state.note_end() {
+        // Else what was synced last is what a power cut leaves.
+        let is_on_disk = self.disk.is_none_or(|mut disk| disk.finish(|| self.service.alive()));
+        if is_on_disk && let Err(error) = self.state.note_end() {
             tracing::debug!("{error}");
         }
         Ok(outcome)
@@ -620,6 +623,19 @@ impl<'a> Supervisor<'a> {
                 }
                 Err(error) => tracing::warn!("no guard: a killed supervisor would leave its domain behind: {error}"),
             }
+        }
+    }
+}
+
+/// What brings a run to the disk that can be resumed.
+fn disk_sync(settings: &Settings, domain: &Domain, state: &Path, settings_path: &Path) -> Option<DiskSync> {
+    let sources = plans(settings).into_iter().filter(|plan| plan.role == Role::Source).map(|plan| plan.name).collect();
+    let fallback_folder = domain.membership_for(SUPERVISOR, 0, settings_path).volatile_state();
+    match CheckpointSets::open(state, &fallback_folder, sources) {
+        Ok(sets) => Some(DiskSync::new(&settings.out, sets, Duration::from_secs_f64(settings.supervisor.sync_s.get()))),
+        Err(error) => {
+            tracing::warn!("{}: {error}: a power cut takes all of the run", state.display());
+            None
         }
     }
 }
