@@ -14,6 +14,7 @@ mod exit;
 mod figures;
 mod generate;
 mod inject;
+mod keys;
 mod list;
 mod log;
 mod logging;

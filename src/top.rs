@@ -1,12 +1,12 @@
 //! `stillmap top`: a table of the processes of a running deployment, updated every second.
 
 use crate::args::Which;
+use crate::keys::{Keys, Pressed};
 use crate::running::choose;
 use crate::status::{COLUMNS, HEAD, cells, is_text, processes, widths};
 use bus::Received;
 use messages::{DeploymentStatus, ProcessState, ProcessStatus};
 use ratatui::backend::{Backend, CrosstermBackend};
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode};
 use ratatui::layout::{Constraint, Layout};
@@ -14,10 +14,11 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::text::Line;
 use ratatui::widgets::{Cell, Paragraph, Row, Table};
 use ratatui::{Frame, Terminal};
-use runtime::Observer;
+use runtime::{Observer, flag_of_ends};
 use std::cell;
 use std::io::{self, IsTerminal, Write};
 use std::rc::Rc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// Space between two columns.
@@ -37,18 +38,22 @@ const KEY_PERIOD: Duration = Duration::from_millis(100);
 /// Without a status for this time the deployment has ended or its supervisor hangs.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Shows the processes until q is pressed or the deployment ends.
+/// Shows the processes until q is pressed, the terminal closes or the deployment ends.
 pub(crate) fn top(which: &Which) -> anyhow::Result<()> {
     let domain = choose(which)?;
     let draws = io::stdout().is_terminal() && std::env::var_os("TERM").is_some_and(|term| !term.is_empty() && term != "dumb");
     anyhow::ensure!(draws, "standard output is not a terminal that can be drawn on: `stillmap status` prints the same table once");
     let mut tool = Observer::join(&domain)?;
     let mut statuses = tool.reader::<DeploymentStatus>()?;
+    let keys = Keys::open()?;
+    // A terminal that is still there gets its former state back.
+    let is_ended = flag_of_ends()?;
     enable_raw_mode()?;
     let mut screen = Screen::default();
     let opened = execute!(screen, EnterAlternateScreen).and_then(|()| Terminal::new(CrosstermBackend::new(screen.clone())));
     let result = opened.map_err(Into::into).and_then(|mut terminal| {
-        watch(&mut terminal, &screen.is_closed, || {
+        let is_watched = || Ok(!screen.is_closed.get() && !is_ended.load(Ordering::Relaxed) && keys.wait(KEY_PERIOD)? == Pressed::Nothing);
+        watch(&mut terminal, is_watched, || {
             let mut newest = None;
             while let Some(received) = statuses.take()? {
                 if let Received::Message(status) = received {
@@ -92,12 +97,12 @@ impl Write for Screen {
 
 fn watch<B: Backend<Error = io::Error>>(
     terminal: &mut Terminal<B>,
-    is_closed: &cell::Cell<bool>,
+    is_watched: impl Fn() -> io::Result<bool>,
     mut take: impl FnMut() -> anyhow::Result<Option<DeploymentStatus>>,
 ) -> anyhow::Result<()> {
     let mut received = Instant::now();
     let mut shown: Option<DeploymentStatus> = None;
-    while !is_closed.get() {
+    loop {
         if let Some(status) = take()? {
             shown = Some(status);
             received = Instant::now();
@@ -107,18 +112,11 @@ fn watch<B: Backend<Error = io::Error>>(
             break;
         }
         terminal.draw(|frame| draw(frame, shown.as_ref()))?;
-        if event::poll(KEY_PERIOD)?
-            && let Event::Key(key) = event::read()?
-            && is_quit(key.code, key.modifiers)
-        {
+        if !is_watched()? {
             break;
         }
     }
     Ok(())
-}
-
-fn is_quit(code: KeyCode, modifiers: KeyModifiers) -> bool {
-    matches!(code, KeyCode::Char('q') | KeyCode::Esc) || (code == KeyCode::Char('c') && modifiers.contains(KeyModifiers::CONTROL))
 }
 
 fn draw(frame: &mut Frame<'_>, status: Option<&DeploymentStatus>) {

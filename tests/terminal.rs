@@ -10,11 +10,13 @@ use std::process::Command;
 use drivelog::{Preamble, Recording};
 use messages::{Pose, SonarReading, SonarScan};
 use rustix::fs::OFlags;
+use rustix::process::Signal;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::harness::observer::Observer;
+use crate::harness::processes::signal;
 use crate::harness::replay::DRIVE;
-use crate::harness::{Deployment, Sandbox, WATCHDOG, text};
+use crate::harness::{Deployment, Run, Sandbox, WATCHDOG, is_running, text};
 
 /// A terminal of 100 columns.
 struct Terminal {
@@ -106,6 +108,50 @@ fn a_hangup_ends_the_run_in_order() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(sandbox.path("hangup-out").join("map.pgm").exists());
     sandbox.assert_nothing_left();
+}
+
+/// A run that can be looked at with `stillmap top`.
+fn observed_run(sandbox: &Sandbox) -> Run {
+    let mut run = sandbox.run(&DRIVE.replay(sandbox, "observed").set("pace", "live"), &[]);
+    run.wait_for("playback", "it runs", is_running);
+    run
+}
+
+#[test]
+fn top_ends_when_its_terminal_closes() {
+    let sandbox = Sandbox::new();
+    let run = observed_run(&sandbox);
+    let mut terminal = Terminal::new();
+    let mut command = sandbox.stillmap(["top"]);
+    terminal.show(&mut command);
+    // It is no session leader: no signal tells it.
+    let mut child = command.spawn().unwrap();
+    drop(command);
+    terminal.read_until("q: quit");
+    drop(terminal);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    signal(run.pid(), Signal::TERM);
+    run.end();
+}
+
+#[test]
+fn top_that_is_told_to_end_leaves_the_terminal_as_it_was() {
+    let sandbox = Sandbox::new();
+    let run = observed_run(&sandbox);
+    for told in [Signal::HUP, Signal::TERM] {
+        let mut terminal = Terminal::new();
+        let before = rustix::termios::tcgetattr(&terminal.programs).unwrap().local_modes;
+        let mut command = sandbox.stillmap(["top"]);
+        terminal.show(&mut command);
+        let mut child = command.spawn().unwrap();
+        drop(command);
+        terminal.read_until("q: quit");
+        signal(child.id(), told);
+        assert_eq!(child.wait().unwrap().code(), Some(0));
+        assert_eq!(rustix::termios::tcgetattr(&terminal.programs).unwrap().local_modes, before);
+    }
+    signal(run.pid(), Signal::TERM);
+    run.end();
 }
 
 #[test]

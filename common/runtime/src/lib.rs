@@ -33,4 +33,4 @@ pub use recent::Recent;
 pub use run_state::{PersistedState, RunState};
 pub use settling::Settling;
 pub use shell::{Context, Next, Process, RunError, Shell, StepError};
-pub use signals::Signals;
+pub use signals::{Signals, flag_of_ends};

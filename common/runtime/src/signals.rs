@@ -6,7 +6,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 
 /// A request to stop, readable through its file descriptor.
 #[derive(Debug)]
@@ -57,6 +57,18 @@ impl Signals {
         self.requested();
         self.count
     }
+}
+
+/// A flag that SIGHUP and SIGTERM set, which then do not end this process: for a command that leaves a terminal as it was.
+///
+/// # Errors
+/// When the handlers cannot be installed.
+pub fn flag_of_ends() -> io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in [SIGHUP, SIGTERM] {
+        signal_hook::flag::register(signal, flag.clone())?;
+    }
+    Ok(flag)
 }
 
 impl AsFd for Signals {
