@@ -2,6 +2,7 @@
 
 mod checks;
 mod finding;
+mod orphans;
 
 use crate::check::{self, missing_devices, missing_programs};
 use crate::{built_in, exit, output};
@@ -9,6 +10,7 @@ use checks::{clock, devices, disk, kernel, logout, open_files, runtime_folder, s
 use clap::Args;
 use finding::Finding;
 use messages::printable;
+use orphans::orphans;
 use settings::Settings;
 use std::path::PathBuf;
 
@@ -30,6 +32,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> anyhow::Result<u8> {
     let mut findings = vec![
         ("kernel", kernel()),
         ("shared memory", shared_memory(supervisor::needed_memory(&settings))),
+        ("dead deployments", orphans()),
         ("open files", open_files(settings.process.len())),
         ("runtime folder", runtime_folder()),
         ("logout", logout()),
